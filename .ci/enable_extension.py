@@ -22,7 +22,7 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
-HIDDEN = ("numba", "llvmlite", "safetensors", "torch", "torchgen", "functorch", "tqdm", "PIL", "matplotlib", "scipy")
+HIDDEN = ("numba", "llvmlite", "safetensors", "torch", "torchgen", "functorch", "PIL", "matplotlib", "scipy")
 MODULE = "bl_ext.user_default.patchnet"
 ENABLING_S = 0.2  # processor time, which other programs' load does not affect
 ENABLED_TIMES = 5

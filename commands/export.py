@@ -29,15 +29,14 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.octree.file import load_octree
     from ..patchnet_addon.runtime.outputs import check_outputs
     from ..patchnet_addon.runtime.progress import drain
-    from .shared.progress_bars import ProgressBars
+    from .shared.progress_lines import progress_lines
 
     check_outputs({args.out: format_of(args.out).kind}, [args.octree])
     octree = load_octree(args.octree)
     level = octree.depth if args.level is None else args.level
     steps = export_octree(octree, args.out, level)
     make_parent(args.out)
-    with ProgressBars() as bars:
-        count = drain(steps, bars.show)
+    count = drain(steps, progress_lines())
     text = f"{args.out}: {counted(count, 'voxel')} of level {level}, {args.out.stat().st_size / 2**20:.1f} MiB"
     say_result(text, file=args.out, octree_level=level, voxels=count)
     return 0

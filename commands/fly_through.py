@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.runtime.progress import drain
     from ..patchnet_addon.runtime.quantities import counted
     from .shared.engine import registered
-    from .shared.progress_bars import ProgressBars
+    from .shared.progress_lines import progress_lines
     from .shared.quiet import quiet_stdout
 
     with registered():
@@ -51,8 +51,8 @@ def run(args: argparse.Namespace) -> int:
             for line in expected.lines():
                 say_note(line)
 
-        with quiet_stdout(), ProgressBars() as bars:
-            baked = drain(bake_fly_through(bpy.context, frames, told), bars.show)
+        with quiet_stdout():
+            baked = drain(bake_fly_through(bpy.context, frames, told), progress_lines())
         if baked.result is not None:
             for note in baked.result.all_notes:
                 say_note(note)

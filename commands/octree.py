@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.runtime.heap import peak_bytes
     from ..patchnet_addon.runtime.progress import drain
     from ..patchnet_addon.tracing.empty_view import why_unseen_by
-    from .shared.progress_bars import ProgressBars
+    from .shared.progress_lines import progress_lines
 
     check_out(args)
     with clock.stage("open"):
@@ -88,8 +88,8 @@ def run(args: argparse.Namespace) -> int:
     import bpy
 
     # A first octree is usually followed by pictures.
-    with compiling_beside(calls_them=False), quiet_stdout(), ProgressBars() as bars:
-        made = drain(build_lit_octree(bpy.context, settings, clock, overrides), bars.show)
+    with compiling_beside(calls_them=False), quiet_stdout():
+        made = drain(build_lit_octree(bpy.context, settings, clock, overrides), progress_lines())
     with clock.stage("save"):
         save_octree(made.octree, args.out)
     octree = made.octree

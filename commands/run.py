@@ -62,16 +62,16 @@ def _run_frames(args: argparse.Namespace, settings: JobSettings) -> int:
 
 
 def run_with_bars(settings: JobSettings, before: Before | None = None) -> JobResult:
-    """Run the job on the open scene with progress bars on stderr. before: voxels that it reuses."""
+    """Run the job on the open scene with progress lines on stderr. before: voxels that it reuses."""
     import bpy
 
     from ..operators.pipeline.run import run_job
     from ..patchnet_addon.runtime.progress import drain
-    from .shared.progress_bars import ProgressBars
+    from .shared.progress_lines import progress_lines
     from .shared.quiet import quiet_stdout
 
-    with quiet_stdout(), ProgressBars() as bars:
-        return drain(run_job(bpy.context, settings, before=before), bars.show)
+    with quiet_stdout():
+        return drain(run_job(bpy.context, settings, before=before), progress_lines())
 
 
 def _run_cached(settings: JobSettings) -> JobResult:

@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     from ..operators.verify_light import check_files, save_check, verify_light
     from ..patchnet_addon.runtime.outputs import check_outputs
     from ..patchnet_addon.runtime.progress import drain
-    from .shared.progress_bars import ProgressBars
+    from .shared.progress_lines import progress_lines
     from .shared.quiet import quiet_stdout
 
     settings = check_settings(args)
@@ -59,8 +59,8 @@ def run(args: argparse.Namespace) -> int:
     open_or_build(args.scene)
     folders = camera_folders_of(settings)
     with output_folder(args.out, check_files(folders.values()), [*given, *scene_inputs()]) as folder:
-        with quiet_stdout(), ProgressBars() as bars:
-            check = drain(verify_light(bpy.context, settings), bars.show)
+        with quiet_stdout():
+            check = drain(verify_light(bpy.context, settings), progress_lines())
         save_check(check, folder, settings.difference, folders)
     print_check(check)
     say_result(f"Pictures and report are in {args.out}", file=args.out, **check.report["mean"])

@@ -39,19 +39,19 @@ def check_frames(args: argparse.Namespace) -> None:
 
 
 def bake_with_bars(args: argparse.Namespace, maker: OctreeMaker, out: Path) -> AnimationResult:
-    """Bake frames of the open scene with progress bars on stderr."""
+    """Bake frames of the open scene with progress lines on stderr."""
     import bpy
 
     from ...operators.animation.animation import FramePlan, bake_frames
     from ...patchnet_addon.runtime.progress import drain
-    from .progress_bars import ProgressBars
+    from .progress_lines import progress_lines
     from .quiet import quiet_stdout
 
     scene = bpy.context.scene
     frames = parse_frames(args.frames, frame_range(scene.frame_start, scene.frame_end, scene.frame_step))
     plan = FramePlan(frames, out, args.overwrite, args.same_grid)
-    with quiet_stdout(), ProgressBars() as bars:
-        return drain(bake_frames(bpy.context, maker, plan), bars.show)
+    with quiet_stdout():
+        return drain(bake_frames(bpy.context, maker, plan), progress_lines())
 
 
 def print_frames(result: AnimationResult, out: Path) -> None:

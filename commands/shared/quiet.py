@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Suppress Blender's and Cycles' own lines on the terminal, which would hide the progress bars."""
+"""Suppress Blender's and Cycles' own lines on the terminal, which would hide the progress."""
 
 from __future__ import annotations
 

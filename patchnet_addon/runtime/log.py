@@ -30,7 +30,7 @@ TEXT, JSON = "text", "json"
 FORMATS = (TEXT, JSON)
 VARIABLE = "PATCHNET_LOG"
 
-_SAID_OTHERWISE = ("start", "progress", "warning", "result", "error")  # shown otherwise: bars, prints, reports
+_SAID_OTHERWISE = ("start", "progress", "warning", "result", "error")  # shown otherwise: lines, prints, reports
 _began = time.monotonic()
 
 

@@ -44,7 +44,7 @@ for package in map(importlib.import_module, packages):
 """
 
 BLENDER = ("bpy", "bmesh", "gpu", "mathutils", "addon_utils")
-NOT_IN_THE_ZIP = ("torch", "safetensors", "scipy", "skimage", "PIL", "matplotlib", "tqdm")
+NOT_IN_THE_ZIP = ("torch", "safetensors", "scipy", "skimage", "PIL", "matplotlib")
 
 LIGHT = """
 import sys

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from ....commands.shared.progress_bars import ProgressBars
+from ....commands.shared.progress_lines import progress_lines
 from ....commands.shared.quiet import quiet_stdout
 from ....commands.shared.scene_argument import open_or_build
 from ....operators.cycles.bake.bake_job import BakeJob, choose
@@ -44,19 +44,20 @@ _TURNS = 4
 
 def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Rates of bake and renders; raises PatchNetError."""
-    with quiet_stdout(), ProgressBars() as bars:
+    show = progress_lines()
+    with quiet_stdout():
         open_or_build(args.scene)
         source = read_scene(bpy.context.evaluated_depsgraph_get(), "VISIBLE")
         # In free space, found in a coarse octree.
-        coarse = drain(coarse_octree(source, min(args.depth, 8)), bars.show)
-        cameras = drain(viewpoints(coarse, _VIEWS, _SIZE_PX, lit=False), bars.show)
+        coarse = drain(coarse_octree(source, min(args.depth, 8)), show)
+        cameras = drain(viewpoints(coarse, _VIEWS, _SIZE_PX, lit=False), show)
         lit = has_light(bpy.context.evaluated_depsgraph_get())
         light = LightSettings(color=False, daylight=not lit)
         clipped = ClippedSurface(source, Grid.around(source.bounds_world, args.depth))
         job = BakeJob(bpy.context, source, clipped, tuple(cameras), light, DEFAULT_LOOKAHEAD)
-        surfels = drain(choose(job), bars.show).surfels
+        surfels = drain(choose(job), show).surfels
         with nullcontext() if lit else daylight(bpy.context.scene):
-            calls, renders = drain(_measured(job, surfels, args.samples), bars.show)
+            calls, renders = drain(_measured(job, surfels, args.samples), show)
     details = {
         "scene": Path(args.scene).name,
         "depth": args.depth,

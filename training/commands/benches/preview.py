@@ -17,7 +17,7 @@ from unittest.mock import patch
 
 import bpy
 
-from ....commands.shared.progress_bars import ProgressBars
+from ....commands.shared.progress_lines import progress_lines
 from ....commands.shared.quiet import quiet_stdout
 from ....commands.shared.scene_argument import open_or_build
 from ....operators.cycles.scene_copy import prepared
@@ -35,14 +35,15 @@ _SMALL = (32, 32)
 def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Seconds of both; raises PatchNetError."""
     settings = JobSettings.of(cameras=(args.camera,), size=tuple(args.size))
-    with quiet_stdout(), ProgressBars() as bars:
+    show = progress_lines()
+    with quiet_stdout():
         open_or_build(args.scene)
-        drain(run_job(bpy.context, settings.changed(size=_SMALL, max_samples=2)), bars.show)
+        drain(run_job(bpy.context, settings.changed(size=_SMALL, max_samples=2)), show)
         first: list[tuple[float, JobResult]] = []
         with tempfile.TemporaryDirectory(prefix="patchnet-") as folder, patch.dict(os.environ, PATCHNET_CACHE=folder):
             start = time.process_time()  # kernels are read, light is not kept
             steps = run_job(bpy.context, settings, early=lambda made: first.append((time.process_time(), made)))
-            whole = drain(steps, bars.show)
+            whole = drain(steps, show)
             end = time.process_time()
         camera = whole.views[0].camera
         still = _still(camera, args.cycles_samples)

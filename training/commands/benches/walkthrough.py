@@ -21,7 +21,7 @@ import numpy as np
 
 from ....commands.shared.engine import registered
 from ....commands.shared.job_arguments import depth_of
-from ....commands.shared.progress_bars import ProgressBars
+from ....commands.shared.progress_lines import progress_lines
 from ....commands.shared.quiet import quiet_stdout
 from ....commands.shared.scene_argument import open_or_build
 from ....operators.cycles.daylight import daylight, has_light
@@ -55,13 +55,13 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Seconds and errors of both; raises PatchNetError, also for a missing scene file."""
     size = tuple(args.size)
     settings = JobSettings.of(depth=depth_of(args.depth), max_samples=args.max_samples, color=True, size=size)
-    with quiet_stdout(), ProgressBars() as bars:
+    with quiet_stdout():
         open_scene_of(args.scene)
         with registered():
             cameras = walk_cameras(fly_through_keys(size), args.frames, size)
             lit = has_light(bpy.context.evaluated_depsgraph_get())
             with nullcontext() if lit else daylight(bpy.context.scene):
-                found = drain(walk(bpy.context, settings, cameras, args), bars.show)
+                found = drain(walk(bpy.context, settings, cameras, args), progress_lines())
     return _compared(args, found)
 
 

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     import time
 
     from ....commands.shared.lines import say_result
-    from ....commands.shared.progress_bars import ProgressBars
+    from ....commands.shared.progress_lines import progress_lines
     from ....patchnet_addon.runtime.outputs import check_outputs
     from ....patchnet_addon.runtime.progress import drain
     from ...data.dataset import DATASET_SEEDS, SUFFIX, draw_dataset, sample_names
@@ -55,8 +55,7 @@ def run(args: argparse.Namespace) -> int:
             seed=args.seed + DATASET_SEEDS * number,
             lookahead=args.lookahead,
         )
-        with ProgressBars() as bars:
-            samples = drain(draw_dataset(path, share, settings, args.out / (name + SUFFIX)), bars.show)
+        samples = drain(draw_dataset(path, share, settings, args.out / (name + SUFFIX)), progress_lines())
         drawn += samples.views.shape[0] * samples.views.shape[1]
     seconds = time.monotonic() - start
     text = f"{counted(drawn, 'sample')} of {counted(len(names), 'octree')} in {seconds:.0f} s"

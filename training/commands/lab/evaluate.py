@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, write results and print their path; returns 0; raises PatchNetError."""
-    from ....commands.shared.progress_bars import ProgressBars
+    from ....commands.shared.progress_lines import progress_lines
     from ...encoders import load_weights
     from ...evaluation import REPORTS, require
     from ...evaluation.codes import EvaluationSettings
@@ -91,17 +91,17 @@ def run(args: argparse.Namespace) -> int:
     inputs += [path for _, path in args.networks]
     check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, inputs, folder=args.out)
     args.out.mkdir(parents=True, exist_ok=True)
-    with ProgressBars() as bars:
-        octrees = _octrees(args)
-        if args.prepare:
-            drain(prepare(octrees, settings, args.out), bars.show)
-            say_result(f"{args.out}: prepared {counted(len(octrees), 'scene')}", file=args.out, scenes=len(octrees))
-            return 0
-        if args.part is not None:
-            count = drain(evaluate_part(octrees, settings, args.out, *args.part), bars.show)
-            say_result(f"{args.out}: finished {counted(count, 'block')} of frames", file=args.out, blocks=count)
-            return 0
-        scenes = drain(evaluate(octrees, settings, args.out), bars.show)
+    show = progress_lines()
+    octrees = _octrees(args)
+    if args.prepare:
+        drain(prepare(octrees, settings, args.out), show)
+        say_result(f"{args.out}: prepared {counted(len(octrees), 'scene')}", file=args.out, scenes=len(octrees))
+        return 0
+    if args.part is not None:
+        count = drain(evaluate_part(octrees, settings, args.out, *args.part), show)
+        say_result(f"{args.out}: finished {counted(count, 'block')} of frames", file=args.out, blocks=count)
+        return 0
+    scenes = drain(evaluate(octrees, settings, args.out), show)
     _write_results(args, settings, scenes)
     say_result(f"{args.out / TABLES}: {counted(len(scenes), 'scene')}", file=args.out / TABLES, scenes=len(scenes))
     return 0

@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     from ...evaluation import require
 
     require()
-    from ....commands.shared.progress_bars import ProgressBars
+    from ....commands.shared.progress_lines import progress_lines
     from ...evaluation.catalogue import scene_octree
     from ...evaluation.figures_of_paper.figures import (
         SCENES,
@@ -58,11 +58,11 @@ def run(args: argparse.Namespace) -> int:
     check_networks(networks.values(), [name for name, _ in args.networks])
     octrees = args.octrees or args.out / "octrees"
     drawn: list[Path] = []
-    with ProgressBars() as bars:
-        paths = {name: scene_octree(SCENES[name], octrees) for name in names}
-        if SPLIT in paths:
-            drawn += drain(make_split(paths[SPLIT], first, args.out), bars.show)
-        if LOOK_AHEAD in paths:
-            drawn += drain(make_look_ahead(paths[LOOK_AHEAD], networks, args.out), bars.show)
+    show = progress_lines()
+    paths = {name: scene_octree(SCENES[name], octrees) for name in names}
+    if SPLIT in paths:
+        drawn += drain(make_split(paths[SPLIT], first, args.out), show)
+    if LOOK_AHEAD in paths:
+        drawn += drain(make_look_ahead(paths[LOOK_AHEAD], networks, args.out), show)
     say_result(f"{args.out}: {', '.join(path.name for path in drawn)}", file=args.out, figures=list(names))
     return 0

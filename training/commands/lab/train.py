@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
     validation_files = sample_files(args.validate)
     check_run(args.out, [*files, *validation_files], resume=args.resume)
     require_torch()
-    from ....commands.shared.progress_bars import ProgressBars
+    from ....commands.shared.progress_lines import progress_lines
     from ....patchnet_addon.network.devices import found_device
     from ...data.dataset import fresh_datasets, load_dataset, why_not_held_out
     from ...run.processes import Processes
@@ -125,8 +125,7 @@ def run(args: argparse.Namespace) -> int:
     options.tensorboard = args.tensorboard
     options.notes = run_notes(device) | {"settings": asdict(settings)}
     processes = Processes.joined()
-    with ProgressBars() as bars:
-        weights = drain(train(datasets, settings, options), bars.show if processes.is_first else None)
+    weights = drain(train(datasets, settings, options), progress_lines() if processes.is_first else None)
     processes.leave()
     path = args.out / WEIGHTS
     if not processes.is_first:  # only the first process writes

@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     require_torch()
     import torch
 
-    from ....commands.shared.progress_bars import ProgressBars
+    from ....commands.shared.progress_lines import progress_lines
     from ....patchnet_addon.network.devices import found_device
     from ...evaluation.map_frames import FrameSettings, rendered_frames
     from ...evaluation.networks.train_maps import MapSettings, train_maps
@@ -67,8 +67,8 @@ def run(args: argparse.Namespace) -> int:
     options = RunOptions(
         args.out, args.resume, stop_after=args.stop_after, device=device, notes=run_notes(device)
     )  # fmt: skip
-    with ProgressBars() as bars:
-        frames, key = drain(rendered_frames(args.octrees, tracks, args.frames_folder or args.out / FRAMES), bars.show)
-        path = drain(train_maps(frames, key, settings, options), bars.show)
+    show = progress_lines()
+    frames, key = drain(rendered_frames(args.octrees, tracks, args.frames_folder or args.out / FRAMES), show)
+    path = drain(train_maps(frames, key, settings, options), show)
     say_result(f"{path}: trained on {counted(len(frames), 'frame')}", file=path, frames=len(frames))
     return 0

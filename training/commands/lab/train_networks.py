@@ -72,7 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Train the networks, print their errors and write them; returns 0; raises PatchNetError."""
-    from ....commands.shared.progress_bars import ProgressBars
+    from ....commands.shared.progress_lines import progress_lines
     from ....patchnet_addon.network.devices import found_device
     from ....patchnet_addon.runtime.outputs import check_outputs
     from ...evaluation.catalogue import scene_octree
@@ -99,19 +99,19 @@ def run(args: argparse.Namespace) -> int:
     octrees |= {path.stem: path for path in args.octrees}
     data: dict[int, dict[str, Dataset]] = {}
     found = {}
-    with ProgressBars() as bars:
-        for lookahead in {plan.lookahead: None for plan in plans}:
-            data[lookahead] = drain(_samples(args, octrees, lookahead), bars.show)
-        for number, plan in enumerate(plans, 1):
-            folder, sets = args.out / "networks" / plan.name, data[plan.lookahead]
-            own = replace(settings, encoder=plan.encoder, encoder_width=0)
-            options = RunOptions(folder, (folder / CHECKPOINT).exists())
-            options.device, options.threads = args.device, args.threads
-            options.notes = run_notes(args.device) | {"settings": asdict(own)}
-            steps = train([sets[scene] for scene in plan.scenes], own, options)
-            weights = drain(labelled(steps, f"Training {plan.name} ({number} of {len(plans)})"), bars.show)
-            unseen = [each for scene, each in sets.items() if scene not in plan.scenes]
-            found[plan.name] = errors_of(weights, unseen, args.voxels)
+    show = progress_lines()
+    for lookahead in {plan.lookahead: None for plan in plans}:
+        data[lookahead] = drain(_samples(args, octrees, lookahead), show)
+    for number, plan in enumerate(plans, 1):
+        folder, sets = args.out / "networks" / plan.name, data[plan.lookahead]
+        own = replace(settings, encoder=plan.encoder, encoder_width=0)
+        options = RunOptions(folder, (folder / CHECKPOINT).exists())
+        options.device, options.threads = args.device, args.threads
+        options.notes = run_notes(args.device) | {"settings": asdict(own)}
+        steps = train([sets[scene] for scene in plan.scenes], own, options)
+        weights = drain(labelled(steps, f"Training {plan.name} ({number} of {len(plans)})"), show)
+        unseen = [each for scene, each in sets.items() if scene not in plan.scenes]
+        found[plan.name] = errors_of(weights, unseen, args.voxels)
     rows = [[name, *(_cell(each["scenes"].get(scene)) for scene in names)] for name, each in found.items()]
     print(f"Errors of coverage (of luminance, over the voxel's own):\n{markdown_table(['network', *names], rows)}")
     write_errors(args.out / TABLE, found)

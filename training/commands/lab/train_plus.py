@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     require_torch()
     import torch
 
-    from ....commands.shared.progress_bars import ProgressBars
+    from ....commands.shared.progress_lines import progress_lines
     from ....patchnet_addon.network.weights import save_weights
     from ....patchnet_addon.octree.file import load_octree, octree_hash
     from ....patchnet_addon.sampling.plus.weights import load_estimators, with_estimators
@@ -72,10 +72,10 @@ def run(args: argparse.Namespace) -> int:
     tracks = FrameSettings(args.frames, args.every, tuple(args.size), args.seed)
     octrees = {path.name: octree_hash(load_octree(path)) for path in args.octrees}
     notes = run_notes() | {"commit": describe_commit(), "patchnet": weights.hash, "octrees": octrees}
-    with ProgressBars() as bars:
-        parts = [drain(pixels_of(path, weights, tracks, args.rays, args.pixels), bars.show) for path in args.octrees]
-        table = PixelTable.joined(parts)
-        path = drain(train_plus(table, settings, RunOptions(args.out, log_steps=100, notes=notes)), bars.show)
+    show = progress_lines()
+    parts = [drain(pixels_of(path, weights, tracks, args.rays, args.pixels), show) for path in args.octrees]
+    table = PixelTable.joined(parts)
+    path = drain(train_plus(table, settings, RunOptions(args.out, log_steps=100, notes=notes)), show)
     save_weights(with_estimators(weights, load_estimators(path)), args.out / WEIGHTS)
     losses = log_lines(args.out / LOG)[-1]["loss"]
     print(f"Losses, where 1 is a constant guess: {', '.join(f'{name} {loss:.3f}' for name, loss in losses.items())}")
