@@ -2,7 +2,7 @@
 """Background behind a picture's light: a colour, the world in each pixel's direction, or none (transparent film).
 
 Light of surfaces is over black and premultiplied by alpha, the share of a pixel's rays that hit. Strategies and errors
-use only that light (methods 5).
+use only that light (methods 8).
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Camera poses with look-ahead, and the free space for cameras (methods 4.1b, 7.6)."""
+"""Camera poses with look-ahead, and the free space for cameras (methods 4.1b, 7.26)."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class Surroundings:
     """Octree for cameras of one picture size, and the free space around and in it.
 
     near_world: axial distance in world units from which hits have look-ahead: from there on rays stop at or above level
-    depth - lookahead, 2 c z = side of such a voxel (methods 4.1b, 7.6).
+    depth - lookahead, 2 c z = side of such a voxel (methods 4.1b, 7.26).
     """
 
     def __init__(self, octree: Octree, size_px: tuple[int, int], lookahead: int) -> None:

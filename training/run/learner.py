@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Training step of one network: forward pass, loss, optimizer, moving mean of the weights; and the learning rates.
 
-The squared loss (methods 7.21, 11.3) is the mean squared error of coverage plus `luminance_weight` times that of
+The squared loss (methods 7.21) is the mean squared error of coverage plus `luminance_weight` times that of
 luminance in views with coverage; the absolute loss, the paper's, has absolute errors instead.
 """
 
