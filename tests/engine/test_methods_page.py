@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""docs/lab/methods.md has every section that is cited, and the code that it links is there."""
+"""docs/lab/methods.md has every section that is cited, and the code that it and docs/developers.md link is there."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-METHODS = ROOT / "docs" / "lab" / "methods.md"
+METHODS, DEVELOPERS = ROOT / "docs" / "lab" / "methods.md", ROOT / "docs" / "developers.md"
 ROOMS = ("patchnet_addon", "operators", "commands", "training", "tests", "docs")
 SOURCES = [path for room in ROOMS for path in sorted((ROOT / room).rglob("*"))
            if path.suffix in {".py", ".md", ".glsl", ".sh"} and path != METHODS]  # fmt: skip
@@ -43,7 +43,9 @@ def defines(path: Path, name: str) -> bool:
     return bool(re.search(rf"^(?:(?:def|class) {last}\b|{last}\b[^=\n]*=)", text, re.MULTILINE))
 
 
-@pytest.mark.parametrize("page, least", [(METHODS, 110)], ids=lambda value: getattr(value, "name", ""))
+@pytest.mark.parametrize(
+    "page, least", [(METHODS, 110), (DEVELOPERS, 20)], ids=lambda value: getattr(value, "name", "")
+)
 def test_code_that_pages_link_is_defined_there(page: Path, least: int) -> None:
     found = CODE.findall(page.read_text(encoding="utf-8"))
     assert len(found) >= least
