@@ -52,7 +52,7 @@ INPUTS = [(*near, place) for place in WINDOW for near in _NEAR] + [(*here, CENTR
 
 def node_words(octree: Octree) -> np.ndarray:
     """Words (n, 2) uint32 of nodes: first child, or of a leaf its box; children 8 bits, luminance 16, flags."""
-    from ...patchnet_addon.octree.leaf_boxes import WHOLE  # numba comes with it
+    from ...patchnet_addon.cells.leaf_boxes import WHOLE  # numba comes with it
 
     words = np.empty((octree.node_count, 2), np.uint32)
     words[:, 0] = np.where(octree.child_mask == 0, np.uint32(WHOLE), octree.first_child)

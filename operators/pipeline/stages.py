@@ -114,7 +114,7 @@ def unlit(source: MeshSource, light: LightSettings) -> Steps[SurfaceLight]:
     """Colour of the surface itself, before any light is baked."""
     from ...patchnet_addon.surface.shading import albedo_shade
 
-    return _on_both_sides(source, lambda: albedo_shade(source, color=light.color))
+    return _lit(source, lambda: albedo_shade(source, color=light.color))
 
 
 def two_lights(source: MeshSource, light: LightSettings, rotation: int = 0) -> Steps[SurfaceLight]:
@@ -122,16 +122,16 @@ def two_lights(source: MeshSource, light: LightSettings, rotation: int = 0) -> S
     from ...patchnet_addon.surface.shading import DIRECTION, two_lights_shade
 
     x, y, z = np.random.default_rng(rotation).normal(size=3).tolist() if rotation else DIRECTION
-    return _on_both_sides(source, lambda: two_lights_shade(source, (x, y, z), color=light.color))
+    return _lit(source, lambda: two_lights_shade(source, (x, y, z), color=light.color))
 
 
-def _on_both_sides(source: MeshSource, make: Callable[[], ShadingFn]) -> Steps[SurfaceLight]:
-    """Light that shines equally on both sides of a surface."""
+def _lit(source: MeshSource, make: Callable[[], ShadingFn]) -> Steps[SurfaceLight]:
+    """Light of a surface without a bake."""
     from ...patchnet_addon.light.surface_light import SurfaceLight
 
     shade = yield from computed(make, _TEXTURES)
     reflects = np.array([max(material.emission) <= 0.0 for material in source.materials])
-    return SurfaceLight(shade, np.zeros(source.triangle_count, np.int8), reflects)
+    return SurfaceLight(shade, reflects)
 
 
 def build(
@@ -155,12 +155,7 @@ def build(
     if shape == EXACT_SHAPE:
         table = yield from computed(lambda: clipped.table, _TEXTURES)
         base = BaseColors(table, lit.reflects)
-    detail = LeafDetail(
-        boxes=shape != WHOLE_SHAPE,
-        sides=settings.light.has_sides and light != UNLIT,
-        facing=lit.facing,
-        base=base,
-    )
+    detail = LeafDetail(boxes=shape != WHOLE_SHAPE, sides=settings.light.has_sides and light != UNLIT, base=base)
 
     def make() -> Steps[Octree]:
         return build_clipped(clipped, lit.shade, exposure=exposure, provenance=provenance, detail=detail)

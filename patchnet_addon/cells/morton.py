@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+POPCOUNT = np.array([value.bit_count() for value in range(256)], np.uint8)  # children of a node by its child mask
+
 
 def morton_encode(cells: np.ndarray) -> np.ndarray:
     """Keys (...,) uint64 of integer cells (..., 3) of 0 to 2^21 - 1; x is the lowest bit of each triple."""

@@ -18,10 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..cells.leaf_boxes import filled_share
+from ..cells.morton import POPCOUNT
+from ..cells.scales import LUMINANCE_SCALE, NORMAL_SCALE
 from ..network.kinds import CHILDREN
 from ..network.weights import CHANNELS
-from ..octree.leaf_boxes import filled_share
-from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT, Octree
+from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, INT32_COUNT, NODE_ADVICE, check_count
 from ..runtime.kernels import array_device, device, kernel
 

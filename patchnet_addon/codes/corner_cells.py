@@ -12,9 +12,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..cells.scales import LUMINANCE_SCALE
+from ..directional.node_kernels import row_of, side_root
 from ..network.kinds import CORNERS
-from ..octree.octree import LUMINANCE_SCALE, Octree
-from ..octree.side_kernels import row_of, side_root
+from ..octree.octree import Octree
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from .brick import RANKS, covering_node

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..directional.node_light import marked
 from ..octree.octree import Octree
-from ..octree.sides import marked
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
 from ..runtime.errors import SettingError
 from ..runtime.kernels import device

@@ -16,12 +16,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..cells.leaf_boxes import filled_share
+from ..cells.scales import LUMINANCE_SCALE, NORMAL_SCALE
 from ..network.devices import CPU, enough_memory, found_device
 from ..network.encoders import CHANNELS, LUMINANCE, Encoder, octant_matrices
 from ..network.kinds import CODE_SIZE, CORNERS
 from ..network.weights import Weights
-from ..octree.leaf_boxes import filled_share
-from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
+from ..octree.octree import Octree
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
 from ..runtime.kernels import array_device, device, kernel
 from ..runtime.progress import Progress, Steps

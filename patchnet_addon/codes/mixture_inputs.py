@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..cells.leaf_boxes import STEPS, covered_steps
+from ..cells.scales import LUMINANCE_SCALE
+from ..directional.node_kernels import luminance_along
+from ..directional.node_light import NodeLight
 from ..network.kinds import CHILDREN, CORNERS
-from ..octree.leaf_boxes import STEPS, covered_steps
-from ..octree.octree import LUMINANCE_SCALE, Nodes
-from ..octree.side_kernels import luminance_along
-from ..octree.sides import NodeLight
+from ..octree.octree import Nodes
 from ..runtime.kernels import array_device, device
 from ..runtime.vectors import LANES, lowest_one
 from .brick import OCTANTS

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..octree.leaf_boxes import STEPS, box_side
-from ..octree.octree import LUMINANCE_SCALE, Octree
-from ..octree.side_kernels import luminance_along
+from ..cells.leaf_boxes import STEPS, box_side
+from ..cells.scales import LUMINANCE_SCALE
+from ..directional.node_kernels import luminance_along
+from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
 from ..runtime.kernels import device, kernel
 from ..runtime.progress import Progress, Steps

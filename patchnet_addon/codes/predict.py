@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..cells.scales import LUMINANCE_SCALE
+from ..directional.node_kernels import luminance_along, row_of
 from ..network.compiled_layers import (
     DIRECTION,
     RATIO,
@@ -19,8 +21,6 @@ from ..network.compiled_layers import (
     empty_tile,
 )
 from ..network.kinds import CODE_SIZE, CORNERS, COVERED, COVERING, RAY_INPUTS, SIDE_BY_SIDE, VIEWS
-from ..octree.octree import LUMINANCE_SCALE
-from ..octree.side_kernels import luminance_along, row_of
 from ..runtime.kernels import array_device, device, kernel
 from ..runtime.threads import run_parts
 from ..runtime.vectors import HALF_SCALE, add_product, load_halves, splat, store

@@ -10,9 +10,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..cells.leaf_boxes import FILLED_STEPS
+from ..cells.morton import POPCOUNT
+from ..cells.scales import LUMINANCE_SCALE, NORMAL_SCALE
 from ..network.torch_encode import TorchEncoder
-from ..octree.leaf_boxes import FILLED_STEPS
-from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT, Octree
+from ..octree.octree import Octree
 from .brick import OCTANTS
 
 

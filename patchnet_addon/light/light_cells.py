@@ -13,11 +13,11 @@ from ..octree.grid import Grid
 from ..octree.voxelize import triangle_areas_and_normals
 from ..runtime.kernels import kernel
 from ..surface.mesh import Fragments, MeshSource
+from ..surface.sides import SIGNS
 from ..surface.texture_lookup import BaseColors, base_of_fragments
 from ..surface.textures import TextureTable
 from .cell_filter import NOISE_STEPS, STEPS, Neighbours, Places, filtered, neighbours
 from .seen_cells import LEVEL_BITS
-from .surfels import BACK
 
 MIN_OPACITY = 1e-3  # of a surfel: below it, its paths met gaps alone
 ANY_SHEET, ANY_FACE = -3, 6  # of cells that hold the mean over all sheets, or all faces
@@ -89,8 +89,7 @@ def surface_of_surfels(
         corners = batch.corners_world[local]
         edges = corners[:, 1:] - corners[:, :1]
         place[mine] = corners[:, 0] + weights[:, :1] * edges[:, 0] + weights[:, 1:] * edges[:, 1]
-        sign = np.where(own["side"] == BACK, -1.0, 1.0)
-        normal[mine] = sign[:, None] * triangle_areas_and_normals(corners)[1]
+        normal[mine] = np.take(SIGNS, own["side"])[:, None] * triangle_areas_and_normals(corners)[1]
         base[mine] = base_of_fragments(BaseColors(table, reflects), batch, fragments, color=color)
         material[mine] = batch.materials[local]
     return SurfelSurface(place, normal, base, reflects[material], material)

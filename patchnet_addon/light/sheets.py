@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..runtime.kernels import kernel
+from ..surface.mesh import TriangleBatch
 
 
 def connected(pairs: np.ndarray, count: int) -> np.ndarray:
@@ -53,21 +54,18 @@ def sheets_of(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, 
 class Sheets(NamedTuple):
     """Sheets of T placed triangles.
 
-    sheet: (T,) int32, number of a triangle's sheet, -1 for none. facing: (T,) int8, side that gets light: 1 the front
-    and -1 the back of closed sheets, 0 both sides of open ones, and of closed ones that cameras see from within and
-    from outside. face: (T,) uint8, face of the cube (+x, -x, +y, -y, +z, -z: 0 to 5) that the front faces most; the
-    back faces the opposite one, face ^ 1.
+    sheet: (T,) int32, number of a triangle's sheet, -1 for none. lit: (T,) int8, lit sides: the front or the back of
+    closed sheets, both of open ones, and of closed ones that cameras see from within and from outside. face: (T,) uint8
+    face that the front points to most (`surface/sides.py`).
     """
 
     sheet: np.ndarray
-    facing: np.ndarray
+    lit: np.ndarray
     face: np.ndarray
 
-
-def faces_of(normals: np.ndarray) -> np.ndarray:
-    """Faces (T,) uint8 of the cube that directions (T, 3) face most, see `Sheets`; of equal axes the first."""
-    axis = np.abs(normals).argmax(axis=1)
-    return (2 * axis + (normals[np.arange(len(axis)), axis] < 0.0)).astype(np.uint8)
+    def of(self, batch: TriangleBatch) -> Sheets:
+        """Sheets of the triangles of a batch."""
+        return Sheets(*(column[batch.first_triangle : batch.first_triangle + len(batch)] for column in self))
 
 
 @kernel

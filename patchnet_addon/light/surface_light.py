@@ -13,17 +13,17 @@ from ..cells.morton import morton_encode
 from ..octree.grid import Grid
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
-from ..surface.chroma import REC709
-from ..surface.mesh import Fragments, ShadingFn, TriangleBatch
+from ..surface.mesh import Fragments, Shading, ShadingFn, TriangleBatch
+from ..surface.side_kernels import is_lit
+from ..surface.sides import BACK, FRONT, LIT_BACK, LIT_FRONT, mean_of_sides
 from ..surface.texture_lookup import BaseColors, base_of_fragments, surface_of_fragments
 from ..surface.textures import TextureTable
 from .light_cells import ANY_FACE, ANY_SHEET, LightCells
 from .seen_cells import ABOVE_LEAVES, LEVEL_BITS
 from .sheets import Sheets
-from .surfels import BACK, COARSE, FRONT, side_of_sheet
+from .surfels import COARSE, side_of_sheet
 
 _DARK = 0.02  # of the other side's light: enclosed
-_LEAST_LIGHT = np.float32(1e-30)
 NOWHERE, COARSELY, FINELY = 0, 1, 2  # where the light of a side was found
 
 
@@ -31,14 +31,12 @@ NOWHERE, COARSELY, FINELY = 0, 1, 2  # where the light of a side was found
 class SurfaceLight:
     """Light of a surface.
 
-    shade: of fragments. facing: (T,) int8, side of each triangle that gets light: 1 front, -1 back, 0 both. reflects:
-    (M,) bool, materials whose light is in proportion to their base colour.
-    warnings: sentences about what was left out. reused: share of its paths that an earlier bake had traced. notes:
-    entries of the octree's file, as plain JSON values.
+    shade: of fragments. reflects: (M,) bool, materials whose light is in proportion to their base colour. warnings:
+    sentences about what was left out. notes: entries of the octree's file, as plain JSON values. reused: share of its
+    paths that an earlier bake had traced.
     """
 
     shade: ShadingFn
-    facing: np.ndarray
     reflects: np.ndarray
     warnings: tuple[str, ...] = ()
     notes: dict[str, Any] = field(default_factory=dict)
@@ -52,6 +50,15 @@ class MaterialSides(NamedTuple):
 
     reflects: np.ndarray
     through: np.ndarray
+
+
+class _Places(NamedTuple):
+    """Fragments (F,) of a level: keys, triangle as in `Fragments`; above: least levels of light cells above leaves."""
+
+    keys: np.ndarray
+    triangle: np.ndarray
+    level: int
+    above: int
 
 
 class BakedColors(NamedTuple):
@@ -79,23 +86,24 @@ def cells_shade(
 
     base = BaseColors(table, materials.reflects)
 
-    def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
+    def shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
         _, opacity = surface_of_fragments(table, batch, fragments)
-        here = slice(batch.first_triangle, batch.first_triangle + len(batch))
-        surface = Sheets(*(column[here] for column in sheets))
+        own = sheets.of(batch)
         lights = np.zeros((len(fragments), 2, cells.light.shape[1]), np.float32)
         where = np.zeros((len(fragments), 2), np.uint8)
-        places = fragments.keys, fragments.triangle, fragments.level
-        run_parts(_look_up, len(fragments), (*places, ABOVE_LEAVES), surface, cells, lights, where)
+        places = _Places(fragments.keys, fragments.triangle, fragments.level, ABOVE_LEAVES)
+        run_parts(_look_up, len(fragments), places, own, cells, lights, where)
         material = batch.materials[fragments.triangle]
         lights *= base_of_fragments(base, batch, fragments, color=color)[:, None]
         if colors is not None:
             found = np.ones_like(lights)
-            run_parts(_look_up, len(fragments), (*places, 0), surface, colors.cells, found, np.empty_like(where))
+            leaves = places._replace(above=0)
+            run_parts(_look_up, len(fragments), leaves, own, colors.cells, found, np.empty_like(where))
             lights *= np.where(colors.materials[material][:, None, None], found, np.float32(1.0))
-        facing = surface.facing[fragments.triangle]
-        mean = _mean(lights, _back_share(lights[..., 0], where, facing, materials.through[material]))
-        return mean[:, 0], opacity, mean[:, 1:], lights
+        lit = own.lit[fragments.triangle]
+        mean = mean_of_sides(lights, _back_share(lights[..., 0], where, lit, materials.through[material]))
+        shading = Shading(mean[:, 0], opacity, sides=lights, lit=own.lit)
+        return shading._replace(color=mean[:, 1:]) if color else shading
 
     return shade
 
@@ -106,7 +114,7 @@ def upright_shade(shade: ShadingFn, rotation: np.ndarray, grid: Grid) -> Shading
     rotation: (3, 3), of `RotatedSource`.
     """
 
-    def upright(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
+    def upright(batch: TriangleBatch, fragments: Fragments) -> Shading:
         corners = batch.corners_world @ rotation
         own = corners[fragments.triangle]
         one, two = fragments.barycentric[:, :1].astype(np.float64), fragments.barycentric[:, 1:].astype(np.float64)
@@ -118,7 +126,7 @@ def upright_shade(shade: ShadingFn, rotation: np.ndarray, grid: Grid) -> Shading
     return upright
 
 
-def _back_share(light: np.ndarray, where: np.ndarray, facing: np.ndarray, through: np.ndarray) -> np.ndarray:
+def _back_share(light: np.ndarray, where: np.ndarray, lit: np.ndarray, through: np.ndarray) -> np.ndarray:
     """Share (F,) float32 of the back in the one luminance of fragments with light (F, 2) found `where` (F, 2)."""
     front, back = light.T
     fine = where == FINELY
@@ -126,19 +134,8 @@ def _back_share(light: np.ndarray, where: np.ndarray, facing: np.ndarray, throug
     share = np.where(through, np.float32(0.5), only_back.astype(np.float32))
     share[(front < _DARK * back) & (through | ~only_front)] = 1.0
     share[through & (back < _DARK * front)] = 0.0
-    share[facing > 0], share[facing < 0] = 0.0, 1.0
+    share[lit == LIT_FRONT], share[lit == LIT_BACK] = 0.0, 1.0
     return share
-
-
-def _mean(lights: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Light (F, C) of both sides (F, 2, C), blended with the share (F,) of the back."""
-    hue = lights[..., 1:]
-    weights = np.stack([np.float32(1.0) - share, share], axis=1)
-    mean = np.einsum("fs,fs->f", weights, lights[..., 0])[:, None]
-    if not hue.shape[-1]:
-        return mean
-    scale = lights[..., 0] / np.maximum(hue @ REC709, _LEAST_LIGHT)
-    return np.concatenate([mean, np.einsum("fs,fsc->fc", weights * scale, hue)], axis=1)
 
 
 @device
@@ -147,14 +144,11 @@ def _found(keys, slots, cell, face, sheet):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _look_up(first, last, places, surface, cells, lights, where):  # type: ignore[no-untyped-def]
-    """Write the light of both sides of fragments, and where it was found.
-
-    places: their keys, triangles and level, and the least levels of cells above leaves.
-    """
-    key, triangle, level, above_leaves = places
+def _look_up(first, last, places, sheets, cells, lights, where):  # type: ignore[no-untyped-def]
+    """Write the light of both sides of fragments, and where it was found."""
+    key, triangle, level = places.keys, places.triangle, places.level
     keys, slots, light = cells.keys, cells.slots, cells.light
-    low, top = min(above_leaves, level), min(COARSE, level)
+    low, top = min(places.above, level), min(COARSE, level)
     above = np.uint64(3 * low)
     for f in range(first, last):
         t = triangle[f]
@@ -162,13 +156,13 @@ def _look_up(first, last, places, surface, cells, lights, where):  # type: ignor
             lights[f], where[f] = lights[f - 1], where[f - 1]
             continue
         for side in range(2):
-            if (surface.facing[t] == 1 and side == BACK) or (surface.facing[t] == -1 and side == FRONT):
+            if not is_lit(sheets.lit[t], side):
                 continue
-            face = np.int64(surface.face[t]) ^ side
+            face = np.int64(sheets.face[t]) ^ side
             row = np.int64(-1)
             for up in range(low, top + 1):
                 cell = ((key[f] >> np.uint64(3 * up)) << np.uint64(LEVEL_BITS)) | np.uint64(level - up)
-                row = _found(keys, slots, cell, face, side_of_sheet(surface.sheet[t], side))
+                row = _found(keys, slots, cell, face, side_of_sheet(sheets.sheet[t], side))
                 if row >= 0:
                     break
             for up in range(low, top + 1):

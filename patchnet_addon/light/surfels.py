@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Surfels: the few pieces of surface whose light is baked, chosen among the fragments of an octree (methods 7.2g).
 
-A light cell is a cell of the octree, the face of the cube that the lit side of a surface faces most, and the side of
-the sheet that it lies on, so that floor and wall, tile and what lies under it, and the two sides of a wall never mix.
+A light cell is a cell of the octree, the face that the lit side of a surface points to most, and the side of the sheet
+that it lies on, so that floor and wall, tile and what lies under it, and the two sides of a wall never mix.
 Cells in leaves that cameras see have the size that their pixels need; others are coarse. A cell has one surfel: the
 fragment that wins a lottery by area. Numbers of the lottery are hashes of the fragments, so that the choice depends
 neither on their order, nor on cameras that see other leaves.
@@ -20,15 +20,15 @@ from ..octree.blocks import CellSet
 from ..octree.voxelize import ClippedSurface, on_all_cores
 from ..runtime.kernels import device, kernel
 from ..runtime.progress import Progress, Steps
-from ..surface.mesh import ShadingFn, TriangleBatch
+from ..surface.mesh import MIN_OPACITY, ShadingFn, TriangleBatch
+from ..surface.side_kernels import is_lit
+from ..surface.sides import FRONT
 from ..tracing.camera import PERSPECTIVE, Camera
 from .seen_cells import ABOVE_LEAVES, LEVEL_BITS, SeenCells
 from .sheets import Sheets
 
 COARSE = 4  # levels of light cells above the leaves, where no camera looks
 MOST_SHEETS = 4  # sides of sheets of a cell and face; others have their mean light
-FRONT, BACK = 0, 1
-_MIN_OPACITY = 1.0 / 255.0
 # Units of area in the face of a light cell. Whole numbers of them, up to 8192 layers, add up to the same in any order.
 _FACE_UNITS = 2.0**40
 _LAST = np.uint64(2**64 - 1)
@@ -74,14 +74,12 @@ class _View(NamedTuple):
 
 
 class _Surface(NamedTuple):
-    """Triangles of a batch: number of the first; corners (T, 3, 3), normals (T, 3); sheet, facing and face (T,)."""
+    """Triangles of a batch: number of the first; corners (T, 3, 3), normals (T, 3), and their sheets."""
 
     first: int
     corners_world: np.ndarray
     normals: np.ndarray
-    sheet: np.ndarray
-    facing: np.ndarray
-    face: np.ndarray
+    sheets: Sheets
 
 
 def eyes_of(cameras: list[Camera] | tuple[Camera, ...]) -> np.ndarray:
@@ -147,10 +145,9 @@ class _Share:
 
     def add(self, batch: TriangleBatch, areas_world: np.ndarray, normals: np.ndarray) -> None:
         """Enter a batch of triangles with areas (T,) and unit normals (T, 3)."""
-        own = Sheets(*(column[batch.first_triangle : batch.first_triangle + len(batch)] for column in self.sheets))
-        surface = _Surface(batch.first_triangle, batch.corners_world, normals, *own)
+        surface = _Surface(batch.first_triangle, batch.corners_world, normals, self.sheets.of(batch))
         for fragments in self.clipped.fragments(self.number, batch, areas_world, self.cells):
-            shown = self.opacity(batch, fragments)[1]
+            shown = self.opacity(batch, fragments).opacity
             first = 0
             while first < len(fragments):
                 first = _choose(first, fragments.arrays, shown, fragments.level, surface, self.view, self.draw)
@@ -177,13 +174,13 @@ def _choose(first, fragments, shown, level, surface, view, draw):  # type: ignor
         if draw.used[0] + 4 > len(draw.rows):
             return f
         weight = fragments.area_world[f] * shown[f]
-        if not shown[f] >= _MIN_OPACITY or not weight > 0.0:
+        if not shown[f] >= MIN_OPACITY or not weight > 0.0:
             continue
         t = fragments.triangle[f]
         key = fragments.keys[f]
         up, pixels = _light_level(view, key, level)
         for side in range(2):
-            if (surface.facing[t] == 1 and side == BACK) or (surface.facing[t] == -1 and side == FRONT):
+            if not is_lit(surface.sheets.lit[t], side):
                 continue
             shows = pixels if pixels > 0.0 and _is_shown(fragments, f, surface, view.eyes, side) else 0.0
             if up < coarse and shows > 0.0:
@@ -240,9 +237,9 @@ def _enter(fragments, f, weight, where, side, surface, draw):  # type: ignore[no
     """
     level, up, pixels, units = where
     t, key = fragments.triangle[f], fragments.keys[f]
-    face = np.int64(surface.face[t]) ^ side
+    face = np.int64(surface.sheets.face[t]) ^ side
     cell = ((key >> np.uint64(3 * up)) << np.uint64(LEVEL_BITS)) | np.uint64(level - up)
-    sheet = side_of_sheet(surface.sheet[t], side)
+    sheet = side_of_sheet(surface.sheets.sheet[t], side)
     place = mixed(mixed(cell, face), sheet)
     number = surface.first + t
     fragment = mixed(mixed(mixed(key, level), number), side)

@@ -19,7 +19,7 @@ from ..runtime.errors import MemoryEstimateError
 from ..runtime.heap import system_bytes
 from ..runtime.progress import Steps
 from ..runtime.quantities import bytes_text, count_text
-from ..surface.mesh import Fragments, MeshSource, TriangleBatch
+from ..surface.mesh import Fragments, MeshSource, Shading, TriangleBatch
 from ..tracing.camera import Camera
 from ..tracing.render import first_hits
 
@@ -53,8 +53,8 @@ def coarse_octree(
     return (yield from build_octree(source, Grid.around(bounds_world, depth), _no_shade, exposure=1.0))
 
 
-def _no_shade(_batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
-    return np.zeros(len(fragments), np.float32), np.ones(len(fragments), np.float32)
+def _no_shade(_batch: TriangleBatch, fragments: Fragments) -> Shading:
+    return Shading(np.zeros(len(fragments), np.float32), np.ones(len(fragments), np.float32))
 
 
 def stop_levels(coarse: Octree, camera: Camera) -> np.ndarray:

@@ -15,11 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells.morton_kernels import cell_key
+from ..octree.accumulate import LeafSums
 from ..octree.grid import Grid
 from ..octree.leaf_levels import LeafLevels
 from ..octree.levels import hierarchy
 from ..octree.octree import Nodes, without_boxes
-from ..octree.voxelize import ClippedSurface, LeafDetail, LeafSums, voxelize
+from ..octree.voxelize import ClippedSurface, LeafDetail, voxelize
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH, MOST_STILLS
 from ..runtime.errors import GeometryError
 from ..runtime.kernels import kernel

@@ -10,29 +10,32 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..cells.leaf_boxes import WHOLE, unpacked
+from ..cells.morton import POPCOUNT
+from ..cells.scales import LUMINANCE_SCALE
+from ..directional.leaf_sides import LeafSides, joined_sides, no_sides
+from ..directional.level_sides import Level, LevelNodes, sides_of_levels
 from ..runtime.errors import GeometryError
 from ..runtime.progress import Steps
 from ..surface.chroma import REC709, decoded_colors
+from ..surface.chroma_kernels import decode_colors, encode_chroma
 from ..surface.hit_textures import hit_textures
 from ..surface.mesh import MeshSource, ShadingFn
+from .accumulate import LeafSums, SurfaceSums
 from .collect_pieces import LeafPieces, joined_pieces
 from .exposure import Emitters, exposure_without_emitters
 from .grid import Grid
-from .leaf_boxes import WHOLE, unpacked
 from .leaf_levels import LeafLevels
 from .levels import (
     area_and_normal,
-    colors_of_leaves,
     means_of_level,
     merge_nodes,
     number_children,
     parents_of,
-    stored_chroma,
     sums_of_level,
 )
-from .octree import LUMINANCE_SCALE, POPCOUNT, Octree
-from .side_levels import LeafSides, LevelNodes, joined_sides, no_sides, sides_of_levels
-from .voxelize import BLOCK_FRAGMENTS, PLAIN_LEAVES, ClippedSurface, LeafDetail, LeafSums, voxelize
+from .octree import Octree
+from .voxelize import BLOCK_FRAGMENTS, PLAIN_LEAVES, ClippedSurface, LeafDetail, voxelize
 
 _LEAST_ABOVE = 1.0 / 65535.0  # least stored luminance above white, the step of luminance itself
 
@@ -59,36 +62,37 @@ class LevelPart(NamedTuple):
 class Subtrees:
     """Subtrees over the leaves of some blocks of space, level by level from the blocks, of `root_level`, down.
 
-    root_keys: (r,) uint64 of the nonempty blocks. root_sums: (r, 4) float64, area and area * normal (x, y, z) in world
-    units. In a large scene only the leaves of one pass are held as sums; luminance is stored later, since the exposure
-    needs all leaves.
+    root_keys: (r,) uint64 of the nonempty blocks. root_area, root_normal: (r,) and (r, 3) float64, area and area *
+    normal in world units. In a large scene only the leaves of one pass are held as sums; luminance is stored later,
+    since the exposure needs all leaves.
     """
 
     root_level: int
     root_keys: np.ndarray
-    root_sums: np.ndarray
+    root_area: np.ndarray
+    root_normal: np.ndarray
     levels: tuple[LevelPart, ...]
 
 
 def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
     """Nodes over leaves that lie on one or several levels from `root_level` on, no leaf within another one."""
     by_level = {part.level: part for part in leaves}
-    width = leaves[0].sums.shape[1] if leaves else 5
-    none = LeafSums(0, np.empty(0, np.uint64), np.empty((0, width), np.float32))
-    keys, sums = none.keys, np.empty((0, 4), np.float64)
+    colored = bool(leaves) and leaves[0].sums.red_blue.shape[1] > 0
+    none = LeafSums(0, np.empty(0, np.uint64), SurfaceSums.empty(0, colored=colored))
+    keys, area, normal = none.keys, np.empty(0, np.float64), np.empty((0, 3), np.float64)
     levels = []
     for level in range(max(by_level, default=root_level), root_level - 1, -1):
         own = by_level.get(level, none)
         parents, mask = parents_of(keys)
         keys, mask = merge_nodes(own.keys, parents, mask)
-        sums = sums_of_level(mask, sums, own.sums)
-        luminance = own.sums[:, 1] / own.sums[:, 0]
-        colored, count = width > 5, len(own.keys)
-        chroma = stored_chroma(own.sums[:, 1], own.sums[:, 5:]) if colored else np.empty((count, 0), np.uint8)
+        sums, count = own.sums, len(own.keys)
+        area, normal = sums_of_level(mask, area, normal, sums.area, sums.normal)
+        chroma = encode_chroma(sums.light, sums.red_blue) if colored else np.empty((count, 0), np.uint8)
         boxes = unpacked(np.full(count, WHOLE, np.uint32)) if own.boxes is None else own.boxes
         sides = own.sides or no_sides(colored=colored)
-        levels.append(LevelPart(mask, *area_and_normal(sums), luminance, chroma, boxes, sides, own.pieces))
-    return Subtrees(root_level, keys, sums, tuple(reversed(levels)))
+        stored = area_and_normal(area, normal)
+        levels.append(LevelPart(mask, *stored, sums.light / sums.area, chroma, boxes, sides, own.pieces))
+    return Subtrees(root_level, keys, area, normal, tuple(reversed(levels)))
 
 
 def build_octree(
@@ -109,7 +113,7 @@ def build_octree(
     of leaf luminance to 1, without leaves with emitters (methods 7.1). Values above 1 are stored separately (methods
     7.1b). block_fragments: approximate number of fragments in memory; it does not affect the result. detail: with boxes
     rays meet structures thinner than a voxel at their place (methods 4.1d); luminance by direction is stored for nodes
-    whose sides differ (`sides.py`). Raises GeometryError without opaque surface.
+    whose sides differ (`directional/`). Raises GeometryError without opaque surface.
     """
     clipped = ClippedSurface(source, grid, layout, block_fragments=block_fragments, keep_bytes=0)
     return (yield from build_clipped(clipped, shade, exposure=exposure, provenance=provenance, detail=detail))
@@ -162,8 +166,8 @@ def _joined(
     if detail.sides:
         hue = chroma if colored else [np.empty((len(mask), 0), np.uint8) for mask in masks]
         faces = [(grid.side_world / (1 << level)) ** 2 for level in range(depth + 1)]
-        columns = zip(masks, areas, normals, luminance, hue, faces, side_parts, strict=True)
-        found = sides_of_levels([LevelNodes(*column) for column in columns], exposure)
+        nodes = map(LevelNodes, masks, areas, normals, luminance, hue)
+        found = sides_of_levels(list(map(Level, nodes, faces, side_parts)), exposure)
     child_mask = np.concatenate(masks)
     first_child, pieces = number_children(child_mask), None
     if detail.base is not None:
@@ -193,11 +197,11 @@ def _joined(
 
 def _above(parts: Sequence[Subtrees]) -> tuple[LevelPart, ...]:
     """Levels above the blocks of all parts, which are of one level."""
-    keys = np.concatenate([part.root_keys for part in parts])
-    sums = np.concatenate([part.root_sums for part in parts])
-    columns = np.zeros((len(keys), 5 + parts[0].levels[0].leaf_chroma.shape[1]), np.float64)
-    columns[:, 0], columns[:, 2:5] = sums[:, 0], sums[:, 1:]
-    whole = subtrees([LeafSums(parts[0].root_level, keys, columns)], 0)
+    keys, area, normal = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("root_keys", "root_area", "root_normal")
+    )
+    unlit = np.zeros(len(keys)), np.zeros((len(keys), parts[0].levels[0].leaf_chroma.shape[1]))
+    whole = subtrees([LeafSums(parts[0].root_level, keys, SurfaceSums(area, unlit[0], normal, unlit[1]))], 0)
     return whole.levels[:-1]  # the blocks themselves are the parts' roots
 
 
@@ -228,12 +232,12 @@ def _luminance(
     while light:
         level = len(light) - 1
         exposed = np.clip(light.pop() * np.float64(exposure), 0.0, 1.0).astype(np.float32)
-        leaves = colors_of_leaves(exposed, hues.pop().reshape(-1, 2)) if hues else exposed[:, None]
+        leaves = decode_colors(exposed, hues.pop().reshape(-1, 2)) if hues else exposed[:, None]
         values = means_of_level(masks[level], area, values, leaves)
         with np.errstate(invalid="ignore"):  # infinite areas have no mean; their objects are named later
             stored.append(np.rint(values[:, 0].astype(np.float64) * LUMINANCE_SCALE).astype(np.uint16))
         if values.shape[1] > 1:
-            chroma.append(stored_chroma(values[:, 0], values[:, 1:]))
+            chroma.append(encode_chroma(values[:, 0], values[:, 1:]))
         area = areas[level]
     return stored[::-1], chroma[::-1]
 

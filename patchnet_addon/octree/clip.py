@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..cells.leaf_boxes import packed_axis
 from ..cells.morton_kernels import cell_key
 from ..runtime.kernels import device, kernel
 from ..surface.polygon import POLYGON_ROWS, cell_range, load_triangle, moments, split_x, split_y, split_z, splitter
-from .leaf_boxes import packed_axis
 
 BRICK_LEVELS = 5  # a brick has 32 cells along each axis
 _BRICK = 1 << BRICK_LEVELS

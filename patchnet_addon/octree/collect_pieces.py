@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,13 +15,12 @@ from ..runtime.bounds import INT32_COUNT, check_count
 from ..runtime.kernels import device, kernel
 from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.hit_textures import HitTextures
-from ..surface.mesh import Fragments, MeshSource, TriangleBatch
-from .accumulate import MIN_OPACITY
+from ..surface.mesh import MIN_OPACITY, Fragments, MeshSource, Shading, TriangleBatch
+from ..surface.side_kernels import is_lit, lit_sides
 from .grid import Grid
 from .pieces import EXPONENT_BIAS, HOLES, LAST, MANTISSA, MOST_PIECES, NO_PIECES, TRIANGLE, Pieces
 
 _MOST_LIGHT = 65408.0  # the largest that packed light holds
-_BOTH = np.empty(0, np.int8)
 _ADVICE = "choose boxes in Surface in Voxels"
 
 
@@ -33,70 +33,67 @@ class LeafPieces:
     light: np.ndarray
 
 
+class _Found(NamedTuple):
+    """Pieces of some fragments: keys (p,) uint64 of their leaves, triangle and light as in `LeafPieces`."""
+
+    keys: np.ndarray
+    triangle: np.ndarray
+    light: np.ndarray
+
+
+class _Leaves(NamedTuple):
+    """Leaves: (n,) int64 the end of each one's pieces, and their count; (n,) uint8 how many are there already."""
+
+    ends: np.ndarray
+    counts: np.ndarray
+    filled: np.ndarray
+
+
 class PieceCollector:
     """Pieces of the leaves of one level of a share."""
 
     def __init__(self) -> None:
-        self._parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self._parts: list[_Found] = []
 
-    def add(
-        self,
-        batch: TriangleBatch,
-        fragments: Fragments,
-        shaded: Sequence[np.ndarray],
-        base: np.ndarray,
-        *,
-        facing: np.ndarray | None,
-    ) -> None:
-        """Add fragments with what their `ShadingFn` returned, and their base (F, 1 or 4), see `base_of_fragments`.
-
-        facing: (T,) int8, lit side of a triangle, whose light both sides have; None: no side differs.
-        """
-        luminance, opacity, *more = shaded
-        if len(more) < 2:  # both sides have one light
-            lights = np.concatenate([luminance[:, None], *more], axis=1)[:, None]
-        else:
-            lights = more[1]
-        triangle = np.empty(len(fragments), np.uint32)
-        keys, light = np.empty(len(fragments), np.uint64), np.empty((len(fragments), 2), np.uint32)
-        given = np.asarray(opacity, np.float32), np.asarray(lights, np.float32), base
-        sides = _BOTH if facing is None else facing
-        count = _collect(
-            fragments.keys, fragments.triangle, given, sides, batch.first_triangle, (keys, triangle, light)
-        )
-        self._parts.append((keys[:count], triangle[:count], light[:count]))
+    def add(self, batch: TriangleBatch, fragments: Fragments, shading: Shading, base: np.ndarray) -> None:
+        """Add fragments with their light, and their base (F, 1 or 4), see `base_of_fragments`."""
+        room = len(fragments)
+        found = _Found(np.empty(room, np.uint64), np.empty(room, np.uint32), np.empty((room, 2), np.uint32))
+        own = shading.arrays._replace(sides=shading.lights)
+        count = _collect(fragments.keys, fragments.triangle, own, base, batch.first_triangle, found)
+        self._parts.append(_Found(*(column[:count] for column in found)))
 
     def take(self, leaves: np.ndarray) -> LeafPieces:
         """Pieces of leaves with ascending keys (n,), which are all that have any; of a leaf, ordered by triangle."""
         slots = slots_for(len(leaves))
         fill_slots(slots, leaves, np.arange(len(leaves)))
-        rows = [_rows_of(keys, leaves, slots) for keys, _, _ in self._parts]
+        rows = [_rows_of(part.keys, leaves, slots) for part in self._parts]
         count = np.zeros(len(leaves), np.int64)
         for part in rows:
             count += np.bincount(part, minlength=len(leaves))
         count[count > MOST_PIECES] = 0
-        ends = np.cumsum(count)
-        triangle, light = np.empty(count.sum(), np.uint32), np.empty((count.sum(), 2), np.uint32)
-        filled = np.zeros(len(leaves), np.uint8)
+        room = _Leaves(np.cumsum(count), count, np.zeros(len(leaves), np.uint8))
+        pieces = LeafPieces(
+            count.astype(np.uint8), np.empty(count.sum(), np.uint32), np.empty((count.sum(), 2), np.uint32)
+        )
         while self._parts:
-            _, numbers, lights = self._parts.pop()
-            _place(rows.pop(), numbers, lights, (ends, count, filled), triangle, light)
-        return LeafPieces(count.astype(np.uint8), triangle, light)
+            _place(rows.pop(), self._parts.pop(), room, pieces.triangle, pieces.light)
+        return pieces
 
 
 @kernel
-def _collect(keys, triangle, given, facing, first_triangle, out):  # type: ignore[no-untyped-def]
+def _collect(keys, triangle, shading, base, first_triangle, found):  # type: ignore[no-untyped-def]
     """Write key, triangle in the source and packed light of opaque fragments; returns how many there are."""
-    opacity, lights, base = given
     count = 0
     for f in range(len(keys)):
-        if not opacity[f] >= MIN_OPACITY:
+        if not shading.opacity[f] >= MIN_OPACITY:
             continue
-        out[0][count], out[1][count] = keys[f], first_triangle + triangle[f]
-        way = facing[triangle[f]] if len(facing) else 0
+        found.keys[count], found.triangle[count] = keys[f], first_triangle + triangle[f]
+        lit = lit_sides(shading.lit, triangle[f])
         for side in range(2):
-            lit = side if way == 0 else (0 if way > 0 else 1)
-            out[2][count, side] = _packed(lights[f, min(lit, lights.shape[1] - 1)], base[f])
+            shown = side if is_lit(lit, side) else 1 - side
+            light = shading.sides[f, min(shown, shading.sides.shape[1] - 1)]
+            found.light[count, side] = _packed(light, base[f])
         count += 1
     return count
 
@@ -146,20 +143,19 @@ def _rows_of(keys, leaves, slots):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _place(rows, numbers, lights, leaves, triangle, light):  # type: ignore[no-untyped-def]
-    """Insert pieces into their leaves, whose pieces end before `ends`; those of a leaf stay ordered by triangle."""
-    ends, count, filled = leaves
+def _place(rows, found, leaves, triangle, light):  # type: ignore[no-untyped-def]
+    """Insert pieces into their leaves; those of a leaf stay ordered by triangle."""
     for i in range(len(rows)):
         row = rows[i]
-        if count[row] == 0:
+        if leaves.counts[row] == 0:
             continue
-        first = ends[row] - count[row]
-        at = first + filled[row]
-        while at > first and triangle[at - 1] > numbers[i]:
+        first = leaves.ends[row] - leaves.counts[row]
+        at = first + leaves.filled[row]
+        while at > first and triangle[at - 1] > found.triangle[i]:
             triangle[at], light[at, 0], light[at, 1] = triangle[at - 1], light[at - 1, 0], light[at - 1, 1]
             at -= 1
-        triangle[at], light[at, 0], light[at, 1] = numbers[i], lights[i, 0], lights[i, 1]
-        filled[row] += 1
+        triangle[at], light[at, 0], light[at, 1] = found.triangle[i], found.light[i, 0], found.light[i, 1]
+        leaves.filled[row] += 1
 
 
 def _uvs(batch: TriangleBatch, mine: np.ndarray, places: np.ndarray) -> np.ndarray:

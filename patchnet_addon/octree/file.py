@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from ..cells.morton import POPCOUNT
 from ..runtime.bounds import UINT32_COUNT
 from ..runtime.errors import OctreeFileError, SettingError
 from ..runtime.files import content_hash, read_arrays, write_arrays
+from ..surface.sides import FACES
 from .grid import Grid
-from .octree import POPCOUNT, Octree
+from .octree import Octree
 from .pieces import PIECES_VERSION, are_consistent, piece_arrays, pieces_of
-from .sides import FACES
 
 KIND = "octree"
 _DTYPES = {

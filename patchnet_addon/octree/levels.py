@@ -10,10 +10,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..cells.morton import POPCOUNT
+from ..cells.scales import NORMAL_SCALE
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
 from ..runtime.kernels import kernel
-from .octree import NORMAL_SCALE, POPCOUNT
-from .side_kernels import decode_color, encode_shares
 
 
 def hierarchy(leaf_keys: Mapping[int, np.ndarray], depth: int) -> tuple[np.ndarray, np.ndarray]:
@@ -83,37 +83,38 @@ def number_children(child_mask: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def sums_of_level(child_mask: np.ndarray, child_sums: np.ndarray, leaf_sums: np.ndarray) -> np.ndarray:
-    """Area and area * normal (n, 4) float64 of a level's nodes in order: their children's, or their own for leaves.
+def sums_of_level(child_mask, child_area, child_normal, leaf_area, leaf_normal):  # type: ignore[no-untyped-def]
+    """Area (n,) and area * normal (n, 3) float64 of a level's nodes in order: their children's, or leaves' own.
 
-    child_sums: (c, 4) of the level below. leaf_sums: (l, 5 or 7) of the level's leaves, as in `LeafSums`.
+    child_area, child_normal: (c,) and (c, 3) of the level below; leaf_area, leaf_normal: (l,) and (l, 3) of its leaves.
     """
-    sums = np.zeros((len(child_mask), 4), np.float64)
+    area, normal = np.zeros(len(child_mask), np.float64), np.zeros((len(child_mask), 3), np.float64)
     leaf = 0
     child = 0
     for node in range(len(child_mask)):
         mask = child_mask[node]
         if mask == 0:
-            sums[node, 0] = leaf_sums[leaf, 0]
+            area[node] = leaf_area[leaf]
             for axis in range(3):
-                sums[node, 1 + axis] = leaf_sums[leaf, 2 + axis]
+                normal[node, axis] = leaf_normal[leaf, axis]
             leaf += 1
         while mask:
-            for column in range(4):
-                sums[node, column] += child_sums[child, column]
+            area[node] += child_area[child]
+            for axis in range(3):
+                normal[node, axis] += child_normal[child, axis]
             child += 1
             mask &= mask - np.uint8(1)
-    return sums
+    return area, normal
 
 
 @kernel
-def area_and_normal(sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Stored area (n,) float32 and mean normal (n, 3) int8 of sums (n, 4)."""
-    area, normal = np.empty(len(sums), np.float32), np.empty((len(sums), 3), np.int8)
-    for i in range(len(sums)):
-        area[i] = sums[i, 0]
+def area_and_normal(area_sums: np.ndarray, normal_sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Stored area (n,) float32 and mean normal (n, 3) int8 of area (n,) and area * normal (n, 3)."""
+    area, normal = np.empty(len(area_sums), np.float32), np.empty((len(area_sums), 3), np.int8)
+    for i in range(len(area_sums)):
+        area[i] = area_sums[i]
         for axis in range(3):
-            mean = sums[i, 1 + axis] / sums[i, 0]
+            mean = normal_sums[i, axis] / area_sums[i]
             normal[i, axis] = np.rint(min(max(mean, -1.0), 1.0) * NORMAL_SCALE)
     return area, normal
 
@@ -138,22 +139,3 @@ def means_of_level(
         leaf += 1 if last == first else 0
         first = last
     return values
-
-
-@kernel
-def colors_of_leaves(luminance: np.ndarray, chroma: np.ndarray) -> np.ndarray:
-    """Luminance, red and blue (n, 3) float32 of luminance (n,) and chroma (n, 2) uint8."""
-    colors = np.empty((len(luminance), 3), np.float32)
-    for i in range(len(luminance)):
-        red, _, blue = decode_color(float(luminance[i]), chroma[i, 0], chroma[i, 1])
-        colors[i, 0], colors[i, 1], colors[i, 2] = luminance[i], red, blue
-    return colors
-
-
-@kernel
-def stored_chroma(luminance: np.ndarray, red_blue: np.ndarray) -> np.ndarray:
-    """Stored chroma (n, 2) uint8 of luminance (n,), red and blue (n, 2), of any brightness."""
-    stored = np.empty((len(luminance), 2), np.uint8)
-    for i in range(len(luminance)):
-        stored[i, 0], stored[i, 1] = encode_shares(float(luminance[i]), red_blue[i, 0], red_blue[i, 1])
-    return stored

@@ -12,16 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..cells.morton import morton_decode
+from ..cells.morton import POPCOUNT, morton_decode
+from ..cells.scales import LUMINANCE_SCALE, NORMAL_SCALE
+from ..directional.node_light import NO_HIGHLIGHTS, NO_SIDES, HdrHighlights, NodeLight, marked, sides_of
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
 from .grid import Grid
 from .pieces import NONE, Pieces
-from .sides import NO_HIGHLIGHTS, NO_SIDES, HdrHighlights, NodeLight, marked, sides_of
-
-LUMINANCE_SCALE = 65535.0
-NORMAL_SCALE = 127.0
-POPCOUNT = np.array([value.bit_count() for value in range(256)], np.uint8)
 
 
 class Nodes(NamedTuple):
@@ -122,7 +119,7 @@ class Octree:
     @property
     def filled(self) -> np.ndarray:
         """Share of its voxel that each node fills, (n,) uint16 in steps of 1 / FILLED_STEPS (`leaf_boxes.py`)."""
-        from .leaf_boxes import FILLED_STEPS, filled_steps  # imports numba
+        from ..cells.leaf_boxes import FILLED_STEPS, filled_steps  # imports numba
 
         found = np.full(self.node_count, FILLED_STEPS, np.uint16)
         if self.leaf_box is not None:

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..cells.morton import morton_decode
+from ..cells.morton import POPCOUNT, morton_decode
 from ..runtime.errors import SettingError
-from .octree import POPCOUNT, Octree
+from .octree import Octree
 
 _PIECE = 1 << 17  # nodes of a level per step
 

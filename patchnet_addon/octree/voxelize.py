@@ -18,13 +18,12 @@ from ..runtime.threads import usable_cores
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from ..surface.texture_lookup import BaseColors, base_of_fragments, surface_of_fragments
 from ..surface.textures import TextureTable
-from .accumulate import LeafAccumulator
+from .accumulate import LeafAccumulator, LeafSums
 from .blocks import CellSet, all_cells, plan_passes, tasks_of, to_cells
 from .clip import clip_triangles
-from .collect_pieces import LeafPieces, PieceCollector
+from .collect_pieces import PieceCollector
 from .grid import Grid
 from .leaf_levels import LeafLevels
-from .side_levels import LeafSides
 
 Kept = TypeVar("Kept")
 Watch = Callable[[TriangleBatch, Fragments, np.ndarray], None]
@@ -35,35 +34,15 @@ KEPT_BYTES = 40  # of a fragment that is kept
 _BATCHES_AHEAD = 2
 
 
-@dataclass(frozen=True, eq=False)
-class LeafSums:
-    """Surface integrals over the leaf cells of one level, in ascending order of their key.
-
-    keys: (n,) uint64. sums: (n, 5) float32 or float64: area, area * luminance, area * normal (x, y, z), in world units
-    and weighted by opacity; (n, 7) with area * red and area * blue, in colours of that luminance; (n, 0) for keys only.
-    boxes: (n, 3) uint8 around the surface in each (`leaf_boxes.py`); None for whole voxels.
-    sides: of the leaves whose sides differ; None without sides. pieces: of the leaves; None without.
-    """
-
-    level: int
-    keys: np.ndarray
-    sums: np.ndarray
-    boxes: np.ndarray | None = None
-    sides: LeafSides | None = None
-    pieces: LeafPieces | None = None
-
-
 class LeafDetail(NamedTuple):
     """What leaves keep beside the mean luminance and normal of their surface.
 
-    boxes: of the finest leaves. sides: luminance by direction. facing: (T,) int8, lit side of each triangle: 1 front,
-    -1 back, 0 both; None: the front. only_keys: nothing but their cells, so that sums are (n, 0); takes less memory.
-    base: colours of the surface, with which leaves keep their pieces.
+    boxes: of the finest leaves. sides: luminance by direction. only_keys: nothing but their cells, without sums; takes
+    less memory. base: colours of the surface, with which leaves keep their pieces.
     """
 
     boxes: bool = False
     sides: bool = False
-    facing: np.ndarray | None = None
     only_keys: bool = False
     base: BaseColors | None = None
 
@@ -204,26 +183,23 @@ class _Share:
 
     def add(self, batch: TriangleBatch, areas_world: np.ndarray, normals: np.ndarray) -> None:
         """Clip, shade and sum up the batch's triangles, with areas (T,) and unit normals (T, 3)."""
-        here = slice(batch.first_triangle, batch.first_triangle + len(batch))
-        facing = None if self.detail.facing is None else self.detail.facing[here]
         for fragments in self.clipped.fragments(self.number, batch, areas_world, self.cells):
-            luminance, opacity, *more = self.shade(batch, fragments)
+            shading = self.shade(batch, fragments)
             if self.watch is not None:
-                self.watch(batch, fragments, luminance)
-            self.leaves[fragments.level].add(fragments, luminance, opacity, normals, *more, facing=facing)
+                self.watch(batch, fragments, shading.luminance)
+            self.leaves[fragments.level].add(fragments, shading, normals)
             if self.detail.base is not None:
-                color = len(more) > 0 and more[0].shape[1] > 0
-                base = base_of_fragments(self.detail.base, batch, fragments, color=color)
-                self.pieces[fragments.level].add(batch, fragments, (luminance, opacity, *more), base, facing=facing)
+                base = base_of_fragments(self.detail.base, batch, fragments, color=len(shading.color) > 0)
+                self.pieces[fragments.level].add(batch, fragments, shading, base)
 
     def take(self) -> list[LeafSums]:
         """Take the leaves, level by level, and release them here."""
         taken = []
         for level in self.cells:
             if len(self.leaves[level]):
-                sums = LeafSums(level, *self.leaves.pop(level).take())
-                pieces = self.pieces.pop(level).take(sums.keys) if self.pieces else None
-                taken.append(replace(sums, pieces=pieces))
+                own = self.leaves.pop(level).take(level)
+                pieces = self.pieces.pop(level).take(own.keys) if self.pieces else None
+                taken.append(replace(own, pieces=pieces))
         return taken
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..octree.octree import POPCOUNT
+from ..cells.morton import POPCOUNT
 from .pixel_buffers import PixelBuffers
 from .plus.compiled import estimate
 from .plus.forms import FAR, SLOPE, Form, Plane

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..runtime.errors import GeometryError
 
+MIN_OPACITY = 1.0 / 255.0  # of a fragment: below it, it leaves no trace
 _NO_KEYS = np.empty(0, np.uint64)
 _NO_CORNERS = np.empty((0, 3, 3), np.float64)
 
@@ -123,7 +124,7 @@ class Fragments:
     area_world: (F,) float64.
     cut_keys: (F,) uint64 cells that the pieces were cut out of, and corners_voxel: (T, 3, 3) float64, the batch's
     triangles in units of these cells: together the outline of each piece. None where only the centroids are known.
-    boxes: (F,) uint32 around the pieces, packed (`octree/leaf_boxes.py`); None where they are not known.
+    boxes: (F,) uint32 around the pieces, packed (`cells/leaf_boxes.py`); None where they are not known.
     level: of the cells, -1 where it is not known. surface: luminance of the base colour and opacity (F,) float32 each,
     once they were looked up (`surface_of_fragments`).
     """
@@ -164,11 +165,38 @@ class Fragments:
         )
 
 
-ShadingFn = Callable[[TriangleBatch, Fragments], tuple[np.ndarray, ...]]
-"""Luminance (F,) float32, linear before exposure, and opacity (F,) float32 in [0, 1] of fragments; from a shade of
-colour also their linear colour (F, 3) float32, of which only the hue counts: it is brought to that luminance; where
-both sides have light, also that of each, (F, 2, 1) float32 luminance, or (F, 2, 4) with colour, beside (F, 0) or the
-mean colour."""
+class Shading(NamedTuple):
+    """What lights F fragments of a batch of T triangles.
+
+    luminance: (F,) float32, linear before exposure. opacity: (F,) float32 in [0, 1]. color: (F, 3) float32, linear, of
+    which only the hue counts: it is brought to that luminance; (0, 3) without colour. sides: (F, 2, 1) float32
+    luminance of front and back, or (F, 2, 4) with colour, where both have light of their own; else (0, 2, 1). lit: (T,)
+    int8, lit sides of the triangles (`sides.py`); (0,) if all have light on the front alone.
+    """
+
+    luminance: np.ndarray
+    opacity: np.ndarray
+    color: np.ndarray = np.empty((0, 3), np.float32)
+    sides: np.ndarray = np.empty((0, 2, 1), np.float32)
+    lit: np.ndarray = np.empty(0, np.int8)
+
+    @property
+    def arrays(self) -> Shading:
+        """The same for kernels: contiguous arrays of these types."""
+        light = [np.ascontiguousarray(values, np.float32) for values in self[:4]]
+        return Shading(*light)._replace(lit=np.ascontiguousarray(self.lit, np.int8))
+
+    @property
+    def lights(self) -> np.ndarray:
+        """Luminance, and colour, (F, 2, 1 or 4) float32 of front and back, or (F, 1, 1 or 4) if both have one light."""
+        if len(self.sides):
+            return np.asarray(self.sides, np.float32)
+        hue = self.color if len(self.color) else np.empty((len(self.luminance), 0), np.float32)
+        return np.concatenate([self.luminance[:, None], hue], axis=1, dtype=np.float32)[:, None]
+
+
+ShadingFn = Callable[[TriangleBatch, Fragments], Shading]
+"""Light of the fragments of a batch; called in threads."""
 
 
 @dataclass(frozen=True, eq=False)

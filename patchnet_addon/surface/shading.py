@@ -6,7 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..runtime.errors import SettingError
-from .mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
+from .mesh import Fragments, MeshSource, Shading, ShadingFn, TriangleBatch
+from .sides import LIT_BOTH
 from .texture_lookup import color_of_fragments, surface_of_fragments
 from .textures import TextureTable
 
@@ -38,16 +39,17 @@ def _lit_shade(source: MeshSource, towards: np.ndarray | None, color: bool) -> S
     """ShadingFn of base colours, under lights from a direction (3,) and its opposite unless it is None."""
     table = TextureTable.from_materials(source.materials, color=color)
 
-    def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
+    def shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
         reflected, opacity = surface_of_fragments(table, batch, fragments)
         if towards is not None:
             reflected *= _cosines(batch, fragments, towards)
         materials = batch.materials[fragments.triangle]
         luminance = reflected + table.materials.emission[materials]
+        lit = np.full(len(batch), LIT_BOTH, np.int8)
         if not color:
-            return luminance, opacity
+            return Shading(luminance, opacity, lit=lit)
         base = color_of_fragments(table, batch, fragments, reflected)
-        return luminance, opacity, base + table.materials.glow[materials]
+        return Shading(luminance, opacity, base + table.materials.glow[materials], lit=lit)
 
     return shade
 
@@ -73,16 +75,16 @@ def opacity_shade(source: MeshSource, table: TextureTable | None = None) -> Shad
     table = table or TextureTable.from_materials(source.materials)
     cut_out = ~np.append(table.chains.solid.astype(bool), True)[table.materials.chain]  # the last: no texture
 
-    def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
+    def shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
         if fragments.surface is not None:
-            return np.zeros(len(fragments), np.float32), fragments.surface[1]
+            return Shading(np.zeros(len(fragments), np.float32), fragments.surface[1])
         materials = batch.materials[fragments.triangle]
         opacity = table.materials.opacity[materials].astype(np.float32)
         chosen = np.flatnonzero(cut_out[materials])
         if len(chosen):
             part = fragments.only(chosen)
             opacity[chosen] = surface_of_fragments(table, batch, part)[1]
-        return np.zeros(len(fragments), np.float32), opacity
+        return Shading(np.zeros(len(fragments), np.float32), opacity)
 
     return shade
 
@@ -97,11 +99,11 @@ def bisected_shade(shade: ShadingFn, bounds_world: np.ndarray, axis: int, share:
     low, high = bounds_world[:, axis]
     plane_world = low + share * (high - low)
 
-    def bisected(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
-        luminance, opacity, *more = shade(batch, fragments)
+    def bisected(batch: TriangleBatch, fragments: Fragments) -> Shading:
+        shading = shade(batch, fragments)
         first, second, third = batch.corners_world[fragments.triangle, :, axis].T
         u, v = fragments.barycentric.T
         beyond = first + u * (second - first) + v * (third - first) > plane_world
-        return (luminance, np.where(beyond, np.float32(0.0), opacity), *more)
+        return shading._replace(opacity=np.where(beyond, np.float32(0.0), shading.opacity))
 
     return bisected

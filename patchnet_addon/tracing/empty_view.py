@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..cells.scales import LUMINANCE_SCALE
+from ..octree.octree import Octree
 from .camera import PERSPECTIVE, Camera
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..octree.leaf_boxes import STEPS, mirrored_span
+from ..cells.leaf_boxes import STEPS, mirrored_span
 from ..octree.pieces import NO_PIECES
 from ..runtime.kernels import device
 from ..runtime.vectors import (

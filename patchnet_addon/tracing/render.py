@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells.contract import pixel_voxel_ratio
-from ..octree.octree import LUMINANCE_SCALE, Nodes, Octree
-from ..octree.side_kernels import see_colors, see_luminance
+from ..cells.scales import LUMINANCE_SCALE
+from ..directional.node_kernels import see_colors, see_luminance
+from ..octree.octree import Nodes, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts

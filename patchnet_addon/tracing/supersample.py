@@ -8,15 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..cells.scales import LUMINANCE_SCALE
+from ..directional.node_kernels import color_along, luminance_of_sides, row_of
+from ..directional.node_light import NO_HIGHLIGHTS, HdrHighlights, NodeLight
+from ..octree.octree import Octree
 from ..octree.pieces import NONE, Pieces
-from ..octree.side_kernels import color_along, decode_color, luminance_of_sides, row_of
-from ..octree.sides import NO_HIGHLIGHTS, HdrHighlights, NodeLight
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, RAYS
 from ..runtime.kernels import device, kernel
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
 from ..runtime.vectors import LANES, lowest_one
+from ..surface.chroma_kernels import decode_color
 from .camera import Camera, camera_in_unit_cube
 from .chosen import aim_pixels, blocks, corner_of
 from .piece_light import see_piece

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells.contract import MAX_LEVELS
-from ..octree.octree import LUMINANCE_SCALE
-from ..octree.side_kernels import luminance_along
+from ..cells.scales import LUMINANCE_SCALE
+from ..directional.node_kernels import luminance_along
 from ..runtime.kernels import array_device, device
 from ..runtime.vectors import LANES, OCTANTS, larger, less, load, select, smaller, splat, square_root, store
 

@@ -86,7 +86,7 @@ class Baked:
             corners = batch.corners_world[fragments.triangle]
             weights = fragments.barycentric[..., None].astype(np.float64)
             place = corners[:, 0] + (weights * (corners[:, 1:] - corners[:, :1])).sum(axis=1)
-            luminance, opacity, _, lights = self.light.shade(batch, fragments)
+            luminance, opacity, _, lights, _ = self.light.shade(batch, fragments)
             triangle = fragments.triangle + batch.first_triangle
             parts.append((triangle, place, fragments.area_world, luminance, opacity, lights[..., 0]))
         triangle, *rest = (np.concatenate(column) for column in zip(*parts, strict=True))

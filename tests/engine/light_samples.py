@@ -5,14 +5,15 @@ import numpy as np
 
 from patchnet.patchnet_addon.light.light_cells import SurfelSums, SurfelSurface
 from patchnet.patchnet_addon.light.seen_cells import SeenCells, all_cells
-from patchnet.patchnet_addon.light.sheets import Sheets, faces_of
+from patchnet.patchnet_addon.light.sheets import Sheets
 from patchnet.patchnet_addon.light.surfels import choose_surfels
 from patchnet.patchnet_addon.lod.fit import leaf_keys_of
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import Fragments, ShadingFn, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Fragments, Shading, ShadingFn, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.sides import faces_of
 
 from .mesh_samples import even, in_batches
 
@@ -25,15 +26,15 @@ def random_surface(seed: int, cuts: tuple[int, ...] = (17, 40)) -> tuple[Triangl
     rng = np.random.default_rng(seed)
     corners = rng.uniform(0.1, 0.9, (60, 1, 3)) + rng.normal(size=(60, 3, 3)) * rng.choice([0.02, 0.2], (60, 1, 1))
     corners[:20] = 0.5 + 0.06 * rng.normal(size=(20, 3, 3))
-    sheet, facing = rng.integers(-1, 12, 60).astype(np.int32), rng.integers(-1, 2, 60).astype(np.int8)
+    sheet, lit = rng.integers(-1, 12, 60).astype(np.int32), rng.integers(-1, 2, 60).astype(np.int8)
     corners = np.clip(corners, 0.01, 0.99)
-    return TriangleMesh(in_batches(corners, cuts)), sheets_on(corners, sheet, facing)
+    return TriangleMesh(in_batches(corners, cuts)), sheets_on(corners, sheet, lit)
 
 
-def sheets_on(corners: np.ndarray, sheet: np.ndarray, facing: np.ndarray | int) -> Sheets:
-    """Sheets of triangles (T, 3, 3) with numbers (T,) and facings (T,), or one for all."""
-    facing = np.broadcast_to(facing, len(corners)).astype(np.int8)
-    return Sheets(np.asarray(sheet, np.int32), facing, faces_of(triangle_areas_and_normals(corners)[1]))
+def sheets_on(corners: np.ndarray, sheet: np.ndarray, lit: np.ndarray | int) -> Sheets:
+    """Sheets of triangles (T, 3, 3) with numbers (T,) and lit sides (T,), or one for all."""
+    lit = np.broadcast_to(lit, len(corners)).astype(np.int8)
+    return Sheets(np.asarray(sheet, np.int32), lit, faces_of(triangle_areas_and_normals(corners)[1]))
 
 
 def random_layout(seed: int) -> LeafLevels:
@@ -41,10 +42,10 @@ def random_layout(seed: int) -> LeafLevels:
     return LeafLevels(np.random.default_rng(seed).integers(3, 6, 64).astype(np.uint8))
 
 
-def thinned(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
+def thinned(batch: TriangleBatch, fragments: Fragments) -> Shading:
     """Shade whose opacity differs from triangle to triangle, in part below the least."""
     number = batch.first_triangle + fragments.triangle
-    return np.ones(len(number), np.float32), np.array([1.0, 0.5, 0.003, 0.0], np.float32)[number % 4]
+    return Shading(np.ones(len(number), np.float32), np.array([1.0, 0.5, 0.003, 0.0], np.float32)[number % 4])
 
 
 def partly_seen(clipped: ClippedSurface, shade: ShadingFn, seed: int) -> SeenCells:

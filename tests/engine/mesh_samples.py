@@ -3,16 +3,16 @@
 
 import numpy as np
 
+from patchnet.patchnet_addon.octree.accumulate import LeafSums, SurfaceSums
 from patchnet.patchnet_addon.octree.voxelize import (
     PLAIN_LEAVES,
     ClippedSurface,
-    LeafSums,
     clip_batch,
     triangle_areas_and_normals,
     voxelize,
 )
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch
+from patchnet.patchnet_addon.surface.mesh import Fragments, Shading, TriangleBatch
 
 QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]  # z is the last bit
 
@@ -38,7 +38,7 @@ def even(luminance=0.5):
     """Shade of one luminance, opaque."""
 
     def shade(_batch, fragments):
-        return np.full(len(fragments), luminance, np.float32), np.ones(len(fragments), np.float32)
+        return Shading(np.full(len(fragments), luminance, np.float32), np.ones(len(fragments), np.float32))
 
     return shade
 
@@ -65,6 +65,5 @@ def in_batches(corners, cuts, uvs=None, materials=None):
 
 def _joined(level, parts):
     chosen = [part for part in parts if part.level == level]
-    return LeafSums(
-        level, np.concatenate([part.keys for part in chosen]), np.concatenate([part.sums for part in chosen])
-    )
+    sums = SurfaceSums(*(np.concatenate(column) for column in zip(*(part.sums for part in chosen), strict=True)))
+    return LeafSums(level, np.concatenate([part.keys for part in chosen]), sums)

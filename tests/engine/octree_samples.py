@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from patchnet.patchnet_addon.cells.leaf_boxes import STEPS
 from patchnet.patchnet_addon.codes.brick import nodes_around
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.leaf_boxes import STEPS
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.tests.references.lookups import box_bounds

@@ -15,7 +15,7 @@ from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, LeafDetail
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Fragments, Shading, TriangleBatch, TriangleMesh
 from patchnet.tests.references.clip import parts_of
 
 from .light_samples import random_layout, random_surface
@@ -57,14 +57,18 @@ def test_octrees_have_the_same_bits(
 ) -> None:
     """Also after another walk over the same fragments, which a shade of another light follows."""
     source, sheets = surface
-    detail = LeafDetail(boxes=True, sides=True, facing=sheets.facing)
-    expected = drain(build_octree(source, GRID, even(), layout=layout, exposure=1.0, detail=detail))
+    detail = LeafDetail(boxes=True, sides=True)
+
+    def shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
+        return even()(batch, fragments)._replace(lit=sheets.of(batch).lit)
+
+    expected = drain(build_octree(source, GRID, shade, layout=layout, exposure=1.0, detail=detail))
     clipped = ClippedSurface(source, GRID, layout, **settings)
     assert (len(clipped.passes) > 1) == (settings is not KEPT)
     keys = drain(leaf_keys_of(clipped, even()))
     assert sum(map(len, keys.values())) == (expected.child_mask == 0).sum()
     for _ in range(2):
-        assert_same(drain(build_clipped(clipped, even(), exposure=1.0, detail=detail)), expected)
+        assert_same(drain(build_clipped(clipped, shade, exposure=1.0, detail=detail)), expected)
 
 
 @WAYS

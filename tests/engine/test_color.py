@@ -9,11 +9,11 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import octree_arrays
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
-from patchnet.patchnet_addon.octree.levels import stored_chroma
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.chroma import BLUE, GREEN, RED, decoded_colors
-from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.chroma_kernels import encode_chroma
+from patchnet.patchnet_addon.surface.mesh import Fragments, Shading, TriangleBatch, TriangleMesh
 from patchnet.tests.references.small import encoded_chroma_reference
 
 from .mesh_samples import in_batches
@@ -37,13 +37,13 @@ def colors_of(batch: TriangleBatch, fragments: Fragments) -> np.ndarray:
     return (tones[batch.materials[fragments.triangle]] * weight).astype(np.float32)
 
 
-def gray_shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
+def gray_shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
     opacity = (0.2 + 0.8 * fragments.barycentric[:, 1]).astype(np.float32)
-    return (colors_of(batch, fragments) @ WEIGHTS).astype(np.float32), opacity
+    return Shading((colors_of(batch, fragments) @ WEIGHTS).astype(np.float32), opacity)
 
 
-def color_shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
-    return *gray_shade(batch, fragments), 5.0 * colors_of(batch, fragments)  # brightness does not count
+def color_shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
+    return gray_shade(batch, fragments)._replace(color=5.0 * colors_of(batch, fragments))  # brightness does not count
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_compiled_chroma_equals_the_plain_one() -> None:
     colors = np.random.default_rng(0).random((20_000, 3)).astype(np.float32)
     colors[:2] = 0.0
     luminance = (colors.astype(np.float64) @ WEIGHTS).astype(np.float32)
-    difference = stored_chroma(luminance, colors[:, ::2]).astype(int) - encoded_chroma_reference(colors)
+    difference = encode_chroma(luminance, colors[:, ::2]).astype(int) - encoded_chroma_reference(colors)
     assert np.abs(difference).max() <= 1 and (difference == 0).mean() > 0.999, "single precision may tip a rounding"
 
 
@@ -101,15 +101,20 @@ def test_leaves_hold_means_over_their_surface(bits: int) -> None:
     color[:7] = [[np.nan] * 3, [np.inf] * 3, [0.0] * 3, [-1.0] * 3, *[[1.0] * 3] * 3]
     leaves = LeafAccumulator(1.0 / 1024)
     fragments = Fragments(keys, np.zeros(count, np.int32), np.zeros((count, 2), np.float32), areas)
-    leaves.add(fragments, luminance, np.ones(count), np.array([[0.0, 0.0, 1.0]]), 0.5 * color)
-    found, sums, *_ = leaves.take()
+    leaves.add(fragments, Shading(luminance, np.ones(count), 0.5 * color), np.array([[0.0, 0.0, 1.0]]))
+    found = leaves.take(10)
+    sums = found.sums
     luminance = np.clip(np.nan_to_num(luminance.astype(float), posinf=2.0**32, neginf=-(2.0**32)), -(2.0**32), 2.0**32)
     color[:7] = luminance[:7, None]
     expected, place = np.unique(keys, return_inverse=True)
-    np.testing.assert_array_equal(found, expected)
-    np.testing.assert_allclose(sums[:, 0], np.bincount(place, areas), rtol=1e-6)
-    for values, column in ((luminance, 1), (color[:, 0], 5), (color[:, 2], 6)):
-        np.testing.assert_allclose(sums[:, column], np.bincount(place, areas * values), rtol=1e-4)
+    np.testing.assert_array_equal(found.keys, expected)
+    np.testing.assert_allclose(sums.area, np.bincount(place, areas), rtol=1e-6)
+    for values, total in (
+        (luminance, sums.light),
+        (color[:, 0], sums.red_blue[:, 0]),
+        (color[:, 2], sums.red_blue[:, 1]),
+    ):
+        np.testing.assert_allclose(total, np.bincount(place, areas * values), rtol=1e-4)
 
 
 @pytest.mark.parametrize("levels", [(6,), (4, 6)], ids=["uniform", "fitted"])

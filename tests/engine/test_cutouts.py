@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.cells.morton import morton_decode, morton_encode
+from patchnet.patchnet_addon.octree.accumulate import LeafSums
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.voxelize import LeafSums, clip_batch, triangle_areas_and_normals
+from patchnet.patchnet_addon.octree.voxelize import clip_batch, triangle_areas_and_normals
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, opacity_shade
 from patchnet.patchnet_addon.surface.textures import TextureTable
@@ -144,7 +145,7 @@ def on_reference(quad: Quad, samples: int) -> tuple[np.ndarray, np.ndarray, np.n
     every = np.union1d(keys, leaves.keys)
     areas = np.zeros((2, len(every)))
     areas[0, np.searchsorted(every, keys)] = expected
-    areas[1, np.searchsorted(every, leaves.keys)] = leaves.sums[:, 0]
+    areas[1, np.searchsorted(every, leaves.keys)] = leaves.sums.area
     return every, *(areas * 4.0**quad.depth), leaves
 
 
@@ -179,8 +180,8 @@ def test_opacity_alone_is_that_of_the_lit_surface() -> None:
     (exact,) = leaves_of(both, quad.grid, albedo_shade(both))
     (found,) = leaves_of(both, quad.grid, opacity_shade(both))
     np.testing.assert_array_equal(found.keys, exact.keys)
-    np.testing.assert_array_equal(found.sums[:, 0], exact.sums[:, 0])
-    assert (found.sums[:, 1] == 0).all()
+    np.testing.assert_array_equal(found.sums.area, exact.sums.area)
+    assert (found.sums.light == 0).all()
 
 
 @pytest.mark.parametrize("wrap", ["REPEAT", "EXTEND", "MIRROR", "CLIP"])

@@ -12,7 +12,7 @@ from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.chroma import REC709
-from patchnet.patchnet_addon.surface.mesh import Fragments, Material, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Shading, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
@@ -29,14 +29,15 @@ def mesh(materials: tuple[Material, ...] = (Material("default"),)) -> TriangleMe
     return TriangleMesh((TriangleBatch(corners, np.zeros((150, 3, 2), np.float32), kinds, 0),), materials)
 
 
-def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
+def shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
     """A tone of each triangle from 0 to BRIGHTEST, most of them below 1."""
     tones = BRIGHTEST * np.random.default_rng(1).random(150) ** 4
-    return tones[fragments.triangle].astype(np.float32), np.ones(len(fragments), np.float32)
+    return Shading(tones[fragments.triangle].astype(np.float32), np.ones(len(fragments), np.float32))
 
 
-def color_shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
-    return *shade(batch, fragments), np.random.default_rng(2).random((150, 3)).astype(np.float32)[fragments.triangle]
+def color_shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
+    tones = np.random.default_rng(2).random((150, 3)).astype(np.float32)
+    return shade(batch, fragments)._replace(color=tones[fragments.triangle])
 
 
 def octrees(colored: bool = False, mixed: bool = False) -> tuple[Octree, Octree]:
@@ -83,10 +84,10 @@ def test_refined_pixels_have_it_and_their_luminance_has_not() -> None:
         assert (found.colors[:, 0] > 1.5).any() and plain.colors.max() <= 1.0
 
 
-def lamp_shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
+def lamp_shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
     """The first material from 0.1 to 0.5, the second 50."""
     tones = np.where(np.arange(150) % 7 == 0, 50.0, 0.1 + 0.4 * np.random.default_rng(1).random(150))
-    return tones[fragments.triangle].astype(np.float32), np.ones(len(fragments), np.float32)
+    return Shading(tones[fragments.triangle].astype(np.float32), np.ones(len(fragments), np.float32))
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 
+from patchnet.patchnet_addon.cells.leaf_boxes import STEPS, unpacked
 from patchnet.patchnet_addon.cells.morton import morton_decode
 from patchnet.patchnet_addon.octree.blocks import all_cells
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.clip import clip_triangles
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.leaf_boxes import STEPS, unpacked
 from patchnet.patchnet_addon.octree.voxelize import LeafDetail, triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh

@@ -22,13 +22,14 @@ from patchnet.patchnet_addon.light.light_cells import (
 )
 from patchnet.patchnet_addon.light.rounds import picture_noise
 from patchnet.patchnet_addon.light.seen_cells import LEVEL_BITS, SeenCells, all_cells
-from patchnet.patchnet_addon.light.surfels import BACK, SURFEL, choose_surfels
+from patchnet.patchnet_addon.light.surfels import SURFEL, choose_surfels
 from patchnet.patchnet_addon.lod.fit import leaf_keys_of
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleMesh
+from patchnet.patchnet_addon.surface.sides import BACK
 from patchnet.patchnet_addon.surface.textures import LEAST_BASE, TextureTable
 from patchnet.tests.references.surfels import Spot, all_neighbours, key_of, light_cells_reference
 
@@ -230,12 +231,12 @@ def test_surface_at_surfels(color: bool) -> None:
         np.testing.assert_allclose(mine, np.tile(wanted, (len(mine), 1)), rtol=1e-3)
 
 
-def wall(*heights: float, facing: int = 1) -> tuple[np.ndarray, np.ndarray]:
+def wall(*heights: float, lit: int = 1) -> tuple[np.ndarray, np.ndarray]:
     """Surfels of squares that face up, each a sheet, as all leaves are seen; and places of these (N, 3)."""
     count = len(heights)
     corners = np.concatenate([square(height) for height in heights])
     source = TriangleMesh.from_arrays(corners)
-    surfels = surfels_of(source, sheets_on(corners, np.repeat(np.arange(count), 2), facing))
+    surfels = surfels_of(source, sheets_on(corners, np.repeat(np.arange(count), 2), lit))
     table = TextureTable.from_materials(source.materials)
     surface = surface_of_surfels(surfels, source, table, reflecting(table, [True]), color=False)
     return surfels, surface.place
@@ -317,7 +318,7 @@ def test_a_shadow_keeps_its_edge() -> None:
 @pytest.mark.parametrize("apart", ["sheets", "faces", "unfiltered"])
 def test_the_filter_keeps_surfaces_apart(apart: str) -> None:
     """One has noisy light around 4, the other exactly 5 and as noisy: any mixing changes that."""
-    surfels, places = wall(0.3, 0.301) if apart == "sheets" else wall(0.3, facing=0 if apart == "faces" else 1)
+    surfels, places = wall(0.3, 0.301) if apart == "sheets" else wall(0.3, lit=0 if apart == "faces" else 1)
     surface = plain_surface(surfels, places)
     other = {
         "sheets": surfels["sheet"] == 2,  # the front of the second

@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.errors import MemoryEstimateError, OctreeFileError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
 
 DEPTH = 3
 OPTIONAL = ("chroma", "bright_nodes", "bright_colors", "leaf_box")
@@ -29,7 +29,7 @@ def unsynchronized():
 
 
 def shade(_batch, fragments):
-    return fragments.barycentric[:, 0].copy(), np.ones(len(fragments), np.float32)
+    return Shading(fragments.barycentric[:, 0].copy(), np.ones(len(fragments), np.float32))
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +40,8 @@ def mesh():
 
 def color_shade(batch, fragments):
     """Three times as bright, so that there is light above white."""
-    luminance, opacity = shade(batch, fragments)
-    return 3.0 * luminance, opacity, np.stack([luminance, opacity, 0.5 * opacity], axis=1)
+    luminance, opacity, *_ = shade(batch, fragments)
+    return Shading(3.0 * luminance, opacity, np.stack([luminance, opacity, 0.5 * opacity], axis=1))
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Material, Shading, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
 from patchnet.patchnet_addon.surface.texture_lookup import BaseColors
 from patchnet.patchnet_addon.surface.textures import TextureTable
@@ -56,8 +56,8 @@ def base_of(mesh: TriangleMesh, *, color: bool = False) -> BaseColors:
     return BaseColors(TextureTable.from_materials(mesh.materials, color=color), np.ones(len(mesh.materials), bool))
 
 
-def exact(mesh: TriangleMesh, shade=None, *, color: bool = False, boxes: bool = True, facing=None, **settings):
-    detail = LeafDetail(boxes=boxes, facing=facing, base=base_of(mesh, color=color))
+def exact(mesh: TriangleMesh, shade=None, *, color: bool = False, boxes: bool = True, **settings):
+    detail = LeafDetail(boxes=boxes, base=base_of(mesh, color=color))
     shade = shade or albedo_shade(mesh, color=color)
     return drain(build_octree(mesh, settings.pop("grid", GRID), shade, exposure=1.0, detail=detail, **settings))
 
@@ -145,17 +145,22 @@ def test_rays_that_end_on_boxes_are_as_without_pieces():
     np.testing.assert_array_equal(octree.first_child[inner], plain.first_child[inner])
 
 
-def two_sides(batch, fragments):
-    """Light 0.25 in front, 0.75 behind."""
-    count = len(fragments)
-    lights = np.repeat(np.array([[[0.25], [0.75]]], np.float32), count, axis=0)
-    return np.full(count, 0.25, np.float32), np.ones(count, np.float32), np.empty((count, 0), np.float32), lights
+def two_sides(lit):
+    """Shade of light 0.25 in front, 0.75 behind."""
+
+    def shade(batch, fragments):
+        count = len(fragments)
+        lights = np.repeat(np.array([[[0.25], [0.75]]], np.float32), count, axis=0)
+        luminance, opacity = np.full(count, 0.25, np.float32), np.ones(count, np.float32)
+        return Shading(luminance, opacity, sides=lights, lit=np.full(len(batch), lit, np.int8))
+
+    return shade
 
 
-@pytest.mark.parametrize(("facing", "top", "bottom"), [(0, 0.25, 0.75), (1, 0.25, 0.25), (-1, 0.75, 0.75)])
-def test_rays_see_the_light_of_the_side_they_meet(facing, top, bottom):
+@pytest.mark.parametrize(("lit", "top", "bottom"), [(0, 0.25, 0.75), (1, 0.25, 0.25), (-1, 0.75, 0.75)])
+def test_rays_see_the_light_of_the_side_they_meet(lit, top, bottom):
     mesh = quad(0.5)
-    octree = exact(mesh, two_sides, facing=np.full(2, facing, np.int8))
+    octree = exact(mesh, two_sides(lit))
     below = replace(above(), position_world=np.array([0.5, 0.5001, -2.0]), forward=-above().forward)
     for camera, expected in ((above(), top), (below, bottom)):
         means = seen(octree, camera)
@@ -226,7 +231,7 @@ def test_partial_opacity_is_the_share_of_rays():
 
 def test_light_above_white_is_added_to_colours_alone():
     mesh = quad(0.5)
-    octree = exact(mesh, lambda _batch, f: (np.full(len(f), 3.0, np.float32), np.ones(len(f), np.float32)))
+    octree = exact(mesh, lambda _batch, f: Shading(np.full(len(f), 3.0, np.float32), np.ones(len(f), np.float32)))
     means = seen(octree, flat(above(), 0.2))
     np.testing.assert_allclose(means.luminance, 1.0, rtol=1e-4)
     np.testing.assert_allclose(means.colors, 3.0, rtol=5e-3)

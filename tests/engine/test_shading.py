@@ -50,7 +50,7 @@ def test_small_fragments_read_the_finest_texels(wrap: str, transform: tuple | No
     mesh = square(material, tiles=2.5)
     batch, fragments = pieces(mesh, 5)
     fragments = replace(fragments, area_world=fragments.area_world * 1e-6)
-    values, opacity = albedo_shade(mesh)(batch, fragments)
+    values, opacity, *_ = albedo_shade(mesh)(batch, fragments)
     uv = points(batch, fragments) * 2.5
     if transform is not None:
         uv = np.column_stack([uv, np.ones(len(uv))]) @ np.array(transform).T
@@ -69,9 +69,9 @@ def test_alpha_fractions_and_cut_alpha() -> None:
     for depth in (0 + 1, 3, 5, 9):
         batch, fragments = pieces(soft, depth)
         weight = fragments.area_world
-        _, opacity = albedo_shade(soft)(batch, fragments)
+        _, opacity, *_ = albedo_shade(soft)(batch, fragments)
         assert np.average(opacity, weights=weight) == pytest.approx(float(alpha.mean()), abs=0.01)
-        values, opacity = albedo_shade(hard)(batch, fragments)
+        values, opacity, *_ = albedo_shade(hard)(batch, fragments)
         assert np.average(opacity, weights=weight) == pytest.approx(area, abs=0.02), "coverage is right at every size"
         assert np.average(values, weights=weight * opacity) == pytest.approx(0.9, abs=0.03), "what is cut has no colour"
     assert (np.minimum(opacity, 1 - opacity) < 1e-6).mean() > 0.8, "most fine fragments are there or not"
@@ -82,10 +82,10 @@ def test_constant_alpha_scales_a_texture_and_thresholds_are_of_the_product() -> 
     texture = Texture("A", alpha, "EXTEND")
     faint = square(Material("Faint", alpha=0.5, alpha_texture=texture))
     batch, fragments = pieces(faint, 4)
-    _, opacity = albedo_shade(faint)(batch, fragments)
+    _, opacity, *_ = albedo_shade(faint)(batch, fragments)
     assert np.average(opacity, weights=fragments.area_world) == pytest.approx(0.25, abs=0.01)
     cut = square(Material("Cut", alpha=0.5, alpha_texture=texture, alpha_threshold=0.4))
-    _, opacity = albedo_shade(cut)(batch, fragments)
+    _, opacity, *_ = albedo_shade(cut)(batch, fragments)
     assert np.average(opacity, weights=fragments.area_world) == pytest.approx(0.2, abs=0.01)
 
 
@@ -106,11 +106,11 @@ def test_colour_and_opacity_laid_out_differently() -> None:
     for threshold in (None, 0.5):
         both = square(Material("Both", WHITE, base, alpha_texture=alpha, alpha_threshold=threshold))
         batch, fragments = pieces(both, 4)
-        values, opacity = albedo_shade(both)(batch, fragments)
-        color, _ = albedo_shade(square(Material("Colour", WHITE, base)))(batch, fragments)
+        values, opacity, *_ = albedo_shade(both)(batch, fragments)
+        color, _, *_ = albedo_shade(square(Material("Colour", WHITE, base)))(batch, fragments)
         cut = square(Material("Opacity", alpha_texture=alpha, alpha_threshold=threshold))
         np.testing.assert_array_equal(values, color)
-        np.testing.assert_array_equal(opacity, albedo_shade(cut)(batch, fragments)[1])
+        np.testing.assert_array_equal(opacity, albedo_shade(cut)(batch, fragments).opacity)
         assert 0.3 < opacity.mean() < 0.7
 
 
@@ -122,7 +122,7 @@ def test_two_lights() -> None:
     fragments = Fragments(np.zeros(count, np.uint64), np.arange(count, dtype=np.int32),
                           np.full((count, 2), 1 / 3, np.float32), np.ones(count))  # fmt: skip
     direction = np.array([1.0, -2.0, 0.5])
-    values, opacity = two_lights_shade(mesh, tuple(direction))(next(mesh.batches()), fragments)
+    values, opacity, *_ = two_lights_shade(mesh, tuple(direction))(next(mesh.batches()), fragments)
     albedo = float(REC709 @ (0.2, 0.4, 0.6))
     for triangle in range(count):
         a, b, c = corners[triangle]
@@ -130,7 +130,7 @@ def test_two_lights() -> None:
         cosine = abs(normal @ direction) / np.linalg.norm(normal) / np.linalg.norm(direction)
         assert values[triangle] == pytest.approx(albedo * cosine + 0.1, rel=1e-5)
     assert (opacity == 1).all() and values.dtype == np.float32
-    turned, _ = two_lights_shade(mesh, tuple(-direction))(next(mesh.batches()), fragments)
+    turned, _, *_ = two_lights_shade(mesh, tuple(-direction))(next(mesh.batches()), fragments)
     np.testing.assert_array_equal(turned, values)
     with pytest.raises(SettingError, match="direction"):
         two_lights_shade(mesh, (0.0, 0.0, 0.0))
@@ -153,7 +153,10 @@ def looked_up(uvs: np.ndarray, wrap: str, threshold: float | None, transform: tu
     material = Material("m", (1.0, 1.0, 1.0), base_texture=base, alpha_texture=alpha, alpha_threshold=threshold)
     mesh = TriangleMesh((TriangleBatch(CORNERS, uvs.astype(np.float32)[None], np.zeros(1, np.int32), 0),), (material,))
     leaves = leaves_of(mesh, Grid((0.0, 0.0, 0.0), 1.0, 4), albedo_shade(mesh))
-    return tuple(float(sum(part.sums[:, column].sum() for part in leaves)) for column in (0, 1))
+    return tuple(
+        float(sum(column.sum() for column in columns))
+        for columns in zip(*(part.sums[:2] for part in leaves), strict=True)
+    )
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ from collections import defaultdict
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.light.sheets import add_solid_angles, add_volumes, faces_of, sheets_of
+from patchnet.patchnet_addon.light.sheets import add_solid_angles, add_volumes, sheets_of
+from patchnet.patchnet_addon.surface.sides import faces_of
 from patchnet.tests.references.surfels import face_reference
 
 from .mesh_samples import QUADS, box

@@ -6,18 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.octree import side_levels
+from patchnet.patchnet_addon.cells.scales import LUMINANCE_SCALE
+from patchnet.patchnet_addon.directional import level_sides
+from patchnet.patchnet_addon.directional.leaf_sides import LeafSides
+from patchnet.patchnet_addon.directional.level_sides import Level, LevelNodes, _Faces, _faces
 from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.octree import LUMINANCE_SCALE
-from patchnet.patchnet_addon.octree.side_levels import LeafSides, LevelNodes, _Faces, _faces
 from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.chroma import REC709
-from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Fragments, Shading, TriangleMesh
+from patchnet.patchnet_addon.surface.sides import LIT_BACK, LIT_BOTH, LIT_FRONT
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits, seen_above_white, seen_color, seen_luminance
 from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_pixels
@@ -28,25 +30,31 @@ from .test_color import GRID, color_shade, gray_shade, soup
 DOWN, UP = -1.0, 1.0
 
 
-def quad(z: float, half: float, facing: float) -> np.ndarray:
+def quad(z: float, half: float, pointing: float) -> np.ndarray:
     """Two triangles (2, 3, 3) of a square across z whose normal points up or down."""
     a, b, c, d = [[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]]
-    return np.array([[a, b, c], [a, c, d]] if facing > 0 else [[a, c, b], [a, d, c]])
+    return np.array([[a, b, c], [a, c, d]] if pointing > 0 else [[a, c, b], [a, d, c]])
 
 
-def plate(layers: list[tuple[float, float, float, float]]) -> tuple[TriangleMesh, object]:
-    """Squares of (z, half side, facing, luminance), and their shade."""
+def plate(layers: list[tuple[float, float, float, float]], lit: int = LIT_FRONT) -> tuple[TriangleMesh, object]:
+    """Squares of (z, half side, UP or DOWN, luminance), and their shade."""
     mesh = TriangleMesh.from_arrays(np.concatenate([quad(*layer[:3]) for layer in layers]))
     tones = np.repeat(np.array([layer[3] for layer in layers], np.float32), 2)
-    return mesh, lambda _batch, fragments: (tones[fragments.triangle], np.ones(len(fragments), np.float32))
+
+    def shade(batch, fragments):
+        opacity = np.ones(len(fragments), np.float32)
+        return Shading(tones[fragments.triangle], opacity, lit=np.full(len(batch), lit, np.int8))
+
+    return mesh, shade
 
 
 def lit_by_side(tones: list[list[float]]) -> object:
     """Shade of triangles with luminance of front and back (T, 2)."""
 
-    def shade(_batch, fragments):
+    def shade(batch, fragments):
         lights = np.array(tones, np.float32)[fragments.triangle, :, None]
-        return lights[:, 0, 0], np.ones(len(fragments), np.float32), np.empty((len(fragments), 0)), lights
+        lit = np.full(len(batch), LIT_BOTH, np.int8)
+        return Shading(lights[:, 0, 0], np.ones(len(fragments), np.float32), sides=lights, lit=lit)
 
     return shade
 
@@ -81,8 +89,8 @@ def test_a_white_cloth_hides_the_black_table_from_above_alone(depth, pixels):
 
 
 @pytest.mark.parametrize("layers", [0.1, 1.5, 4.0])
-@pytest.mark.parametrize("facing", [1, -1])
-def test_sides_of_leaves_are_those_of_the_plain_sum(facing, layers):
+@pytest.mark.parametrize("lit", [LIT_FRONT, LIT_BACK])
+def test_sides_of_leaves_are_those_of_the_plain_sum(lit, layers):
     """Where there is more than one layer, what lies in front counts more; backs face the other way."""
     rng = np.random.default_rng(8)
     count, size = 4000, 1.0 / 64
@@ -94,11 +102,12 @@ def test_sides_of_leaves_are_those_of_the_plain_sum(facing, layers):
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     fragments = Fragments(keys, triangle, np.zeros((count, 2), np.float32), area, boxes=boxes)
     leaves = LeafAccumulator(size, sides=True)
-    leaves.add(fragments, light, np.ones(count), normals, facing=np.full(count, facing, np.int8))
-    found_keys, *_, sides = leaves.take()
+    leaves.add(fragments, Shading(light, np.ones(count), lit=np.full(count, lit, np.int8)), normals)
+    found = leaves.take(6)
+    sides = found.sides
     for row, leaf in enumerate(sides.leaf):
-        here = keys == found_keys[leaf]
-        wanted_light, wanted_area = leaf_reference(area[here], facing * normals[here], ends[here], light[here], size)
+        here = keys == found.keys[leaf]
+        wanted_light, wanted_area = leaf_reference(area[here], lit * normals[here], ends[here], light[here], size)
         np.testing.assert_allclose(sides.light[row], wanted_light, rtol=1e-4)
         np.testing.assert_allclose(sides.share[row] / 65535, np.minimum(wanted_area / size**2, 1.0), atol=5e-5)
     assert len(sides.leaf) == 64
@@ -106,10 +115,9 @@ def test_sides_of_leaves_are_those_of_the_plain_sum(facing, layers):
 
 def test_a_plate_that_is_lit_on_its_back_shows_that_there():
     """Normals that point inwards: what is baked on the back of a triangle is seen from there, not through it."""
-    mesh, shade = plate([(0.1, 1.0, DOWN, 0.8), (0.09, 1.0, UP, 0.2)])
-    backs = np.full(4, -1, np.int8)
+    mesh, shade = plate([(0.1, 1.0, DOWN, 0.8), (0.09, 1.0, UP, 0.2)], LIT_BACK)
     grid = Grid((-1.0, -1.0, -1.0), 2.0, 4)
-    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True, facing=backs)))
+    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True)))
     for looking, light in ((DOWN, 0.8), (UP, 0.2)):
         np.testing.assert_allclose(seen_along_z(octree, looking, 16), light, atol=0.01)
 
@@ -121,8 +129,8 @@ def test_a_tilted_sheet_shows_each_side_in_its_own_light(tilt, pixels):
     corners = quad(0.0, 1.0, UP)
     corners[..., 2] += tilt * corners[..., 0]
     mesh = TriangleMesh.from_arrays(corners)
-    grid, both, shade = Grid((-1.3, -1.3, -1.3), 2.6, 7), np.zeros(2, np.int8), lit_by_side([[0.9, 0.2]] * 2)
-    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True, facing=both)))
+    grid, shade = Grid((-1.3, -1.3, -1.3), 2.6, 7), lit_by_side([[0.9, 0.2]] * 2)
+    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True)))
     for looking, light in ((DOWN, 0.9), (UP, 0.2)):
         np.testing.assert_allclose(seen_along_z(octree, looking, pixels), light, atol=0.015)
 
@@ -138,8 +146,8 @@ def test_the_dark_inside_of_a_thin_open_box_is_hidden_but_for_who_looks_into_it(
             corners = corners if (at > 0) != bool(axis) else corners[::-1]
             walls.append(corners[[[0, 1, 2], [0, 2, 3]]])
     mesh = TriangleMesh.from_arrays(np.concatenate(walls))
-    grid, both, shade = Grid((-1.3, -1.3, -1.3), 2.6, 6), np.zeros(10, np.int8), lit_by_side([[0.8, 0.0]] * 10)
-    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True, facing=both)))
+    grid, shade = Grid((-1.3, -1.3, -1.3), 2.6, 6), lit_by_side([[0.8, 0.0]] * 10)
+    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True)))
     for way in ((0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0.7, 0.1, -0.7), (-0.2, 0.9, -0.3), (0, 0, 1)):
         forward = np.array(way) / np.linalg.norm(way)
         right = np.cross(forward, [0.31, 0.2, 0.93])
@@ -153,12 +161,12 @@ def test_the_dark_inside_of_a_thin_open_box_is_hidden_but_for_who_looks_into_it(
 
 def test_a_sheet_has_its_sides_before_the_underside_of_the_ground_below_it(monkeypatch):
     """Where bytes do not suffice for all: who looks up from the slope sees the sheet's back, and nobody the slope's."""
-    monkeypatch.setattr(side_levels, "_FREE", 0)
+    monkeypatch.setattr(level_sides, "_FREE", 0)
     corners = np.concatenate([quad(-0.5, 1.2, UP), quad(0.3, 0.5, UP)])
     corners[:2, :, 2] += 0.4 * corners[:2, :, 0]
-    shade, both = lit_by_side([[0.9, 0.2]] * 2 + [[0.5, 0.3]] * 2), np.zeros(4, np.int8)
+    shade = lit_by_side([[0.9, 0.2]] * 2 + [[0.5, 0.3]] * 2)
     mesh, grid = TriangleMesh.from_arrays(corners), Grid((-1.3, -1.3, -1.3), 2.6, 8)
-    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True, facing=both)))
+    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True)))
     camera = replace(along_z(UP, 128), position_world=np.array([0.0, 0.0, -0.2]))
     np.testing.assert_allclose(first_hits(octree, camera).luminance, 0.3, atol=0.01)
     assert len(octree.side_nodes) < 0.19 * octree.node_count
@@ -231,7 +239,7 @@ def test_faces_show_the_children_in_front():
     below = _Faces(bright, share, np.maximum(share[:, ::2], share[:, 1::2]), np.empty((count, 6, 0), np.uint8))
     nodes = np.ones(len(masks), np.float32), np.zeros((len(masks), 3), np.int8), np.zeros(len(masks), np.uint16)
     sides = LeafSides(np.empty(0, np.int64), none, none.astype(np.uint16), np.empty((0, 6, 0), np.uint8))
-    level = LevelNodes(masks, *nodes, np.empty((len(masks), 0), np.uint8), 1.0, sides)
+    level = Level(LevelNodes(masks, *nodes, np.empty((len(masks), 0), np.uint8)), 1.0, sides)
     found = _faces(level, np.empty(0, np.int64), slice(0, len(masks)), below, 1.0)
     light, cover = below.light / LUMINANCE_SCALE, below.cover / LUMINANCE_SCALE
     first = 0

@@ -26,7 +26,7 @@ from patchnet.patchnet_addon.light.surface_light import (
     cells_shade,
     upright_shade,
 )
-from patchnet.patchnet_addon.light.surfels import BACK, COARSE, FRONT, choose_surfels
+from patchnet.patchnet_addon.light.surfels import COARSE, choose_surfels
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
@@ -39,6 +39,7 @@ from patchnet.patchnet_addon.surface.mesh import (
     TriangleMesh,
     random_rotation,
 )
+from patchnet.patchnet_addon.surface.sides import BACK, FRONT
 from patchnet.patchnet_addon.surface.textures import LEAST_BASE, TextureTable
 from patchnet.tests.references.clip import parts_of
 from patchnet.tests.references.surfels import Cell, Place, face_reference, key_of, lookup_reference
@@ -129,7 +130,7 @@ def test_the_back_of_a_leaf_is_not_the_front_of_another() -> None:
     sides = MaterialSides(np.zeros(1, bool), np.zeros(1, bool))
     shade = cells_shade(cells, table, sheets, sides, color=False)
     for batch, fragments in parts_of(clipped):
-        lights = shade(batch, fragments)[3][..., 0]
+        lights = shade(batch, fragments).sides[..., 0]
         np.testing.assert_array_equal(lights[:, FRONT], 1.0)
         np.testing.assert_array_equal(lights[:, BACK], 0.0)
 
@@ -147,13 +148,14 @@ def test_as_a_look_up_in_a_dictionary(color: bool) -> None:
     shade = cells_shade(light, table, sheets, MaterialSides(REFLECTS, THROUGH), color=color)
     seen = set()
     for batch, fragments in parts_of(clipped):
-        luminance, opacity, mean, lights = shade(batch, fragments)
+        luminance, opacity, mean, lights, lit = shade(batch, fragments)
+        np.testing.assert_array_equal(lit, sheets.lit[batch.first_triangle : batch.first_triangle + len(batch)])
         normals = triangle_areas_and_normals(batch.corners_world)[1]
-        assert lights.shape == (len(fragments), 2, channels) and mean.shape == (len(fragments), channels - 1)
+        assert lights.shape == (len(fragments), 2, channels) and mean.shape == (len(fragments) if color else 0, 3)
         np.testing.assert_array_equal(opacity, 1.0)
         where = np.full((len(fragments), 2), NOWHERE)
         expected = np.zeros(lights.shape)
-        facing = sheets.facing[batch.first_triangle + fragments.triangle]
+        lit = sheets.lit[batch.first_triangle + fragments.triangle]
         materials = batch.materials[fragments.triangle]
         for f in range(len(fragments)):
             t = int(fragments.triangle[f])
@@ -161,12 +163,12 @@ def test_as_a_look_up_in_a_dictionary(color: bool) -> None:
                 face = face_reference(sign * normals[t])
                 sheet = 2 * int(sheets.sheet[batch.first_triangle + t]) + side
                 cell = lookup_reference(cells, int(fragments.keys[f]), fragments.level, face, sheet)
-                if cell is not None and facing[f] != -sign:
+                if cell is not None and lit[f] != -sign:
                     expected[f, side] = (cell.light * BASES[materials[f]])[:channels]
                     where[f, side] = FINELY if cell.pixels > 0.0 else COARSELY
         seen |= set(where.ravel().tolist())
         np.testing.assert_allclose(lights, expected, rtol=1e-5)
-        back = _back_share(lights[..., 0], where, facing, THROUGH[materials])
+        back = _back_share(lights[..., 0], where, lit, THROUGH[materials])
         np.testing.assert_allclose(
             luminance, (1.0 - back) * expected[:, 0, 0] + back * expected[:, 1, 0], rtol=1e-5, atol=1e-9
         )
@@ -190,12 +192,10 @@ def test_light_of_surfels_reaches_all_fragments(seed: int, layout: LeafLevels | 
     cells = CellGrid(surfels, surface, GRID, filtered=True).light(sums_of(np.full((len(surfels), 2), 3.0)))
     shade = cells_shade(cells, table, sheets, MaterialSides(np.ones(1, bool), np.zeros(1, bool)), color=False)
     for batch, fragments in parts_of(clipped):
-        luminance, _, _, lights = shade(batch, fragments)
-        facing = sheets.facing[batch.first_triangle + fragments.triangle]
+        luminance, _, _, lights, _ = shade(batch, fragments)
+        lit = sheets.lit[batch.first_triangle + fragments.triangle]
         there = fragments.area_world > 0.0
-        np.testing.assert_allclose(
-            lights[there, :, 0], np.where(np.stack([facing < 0, facing > 0], 1), 0.0, 3.0)[there]
-        )
+        np.testing.assert_allclose(lights[there, :, 0], np.where(np.stack([lit < 0, lit > 0], 1), 0.0, 3.0)[there])
         np.testing.assert_allclose(luminance[there], 3.0)
 
 
@@ -203,7 +203,7 @@ FINE, ONLY_BACK, BOTH_COARSE = (FINELY, FINELY), (COARSELY, FINELY), (COARSELY, 
 
 
 @pytest.mark.parametrize(
-    ("front", "back", "where", "facing", "through", "share"),
+    ("front", "back", "where", "lit", "through", "share"),
     [
         (1.0, 1.0, FINE, 0, False, 0.0),
         (0.01, 1.0, FINE, 0, False, 1.0),  # the front is enclosed
@@ -223,10 +223,10 @@ FINE, ONLY_BACK, BOTH_COARSE = (FINELY, FINELY), (COARSELY, FINELY), (COARSELY, 
     ],
 )
 def test_the_side_that_counts(
-    front: float, back: float, where: tuple[int, int], facing: int, through: bool, share: float
+    front: float, back: float, where: tuple[int, int], lit: int, through: bool, share: float
 ) -> None:
     light, found = np.array([[front, back]], np.float32), np.array([where], np.uint8)
-    assert _back_share(light, found, np.array([facing]), np.array([through])).tolist() == [share]
+    assert _back_share(light, found, np.array([lit]), np.array([through])).tolist() == [share]
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -247,7 +247,7 @@ def test_a_rotated_surface_has_the_light_of_the_upright_one(seed: int) -> None:
     upright = upright_shade(shade, rotation, GRID)
     count = 0
     for batch, fragments in parts_of(ClippedSurface(rotated, Grid.around(rotated.bounds_world, 5))):
-        luminance, _, _, lights = upright(batch, fragments)
+        luminance, _, _, lights, _ = upright(batch, fragments)
         corners = next(source.batches()).corners_world[fragments.triangle]
         weights = np.concatenate(
             [1.0 - fragments.barycentric.sum(axis=1, keepdims=True), fragments.barycentric], axis=1

@@ -23,7 +23,7 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import limit_threads
-from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.tests.references.clip import parts_of
 from patchnet.tests.references.surfels import face_reference, surfels_reference
@@ -110,7 +110,7 @@ def test_more_surfels_than_the_first_table_has_room_for() -> None:
 
 
 @pytest.mark.parametrize(
-    ("facing", "eyes", "fine", "coarse"),
+    ("lit", "eyes", "fine", "coarse"),
     [
         (1, NO_EYES, {FRONT}, {FRONT}),
         (-1, NO_EYES, {BACK}, {BACK}),
@@ -121,9 +121,9 @@ def test_more_surfels_than_the_first_table_has_room_for() -> None:
         (1, [(0.5, 0.5, 0.1, 1.0)], set(), {FRONT}),
     ],
 )
-def test_sides(facing: int, eyes: list | np.ndarray, fine: set[int], coarse: set[int]) -> None:
+def test_sides(lit: int, eyes: list | np.ndarray, fine: set[int], coarse: set[int]) -> None:
     """A square that faces up, among eyes above and below it: position and 1, or direction and 0."""
-    sheets = sheets_on(square(0.3), np.zeros(2), facing)
+    sheets = sheets_on(square(0.3), np.zeros(2), lit)
     surfels = surfels_of(TriangleMesh.from_arrays(square(0.3)), sheets, eyes=np.array(eyes).reshape(-1, 4))
     is_fine = surfels["pixels"] > 0.0
     assert set(surfels["side"][is_fine].tolist()) == fine and set(surfels["side"][~is_fine].tolist()) == coarse
@@ -212,8 +212,10 @@ def test_chances_are_in_proportion_to_area_times_opacity() -> None:
     corners = np.concatenate([low + small, low + large])
     source = TriangleMesh.from_arrays(corners)
 
-    def shade(_batch: object, fragments: object) -> tuple[np.ndarray, np.ndarray]:
-        return np.ones(len(fragments), np.float32), np.where(fragments.triangle < 900, 1.0, 0.5).astype(np.float32)
+    def shade(_batch: object, fragments: object) -> Shading:
+        return Shading(
+            np.ones(len(fragments), np.float32), np.where(fragments.triangle < 900, 1.0, 0.5).astype(np.float32)
+        )
 
     surfels = surfels_of(source, sheets_on(corners, np.zeros(1800), 1), shade)
     fine = surfels[surfels["pixels"] > 0.0]
@@ -254,7 +256,7 @@ def test_a_surface_of_gaps_has_no_surfels() -> None:
     clipped = ClippedSurface(source, GRID)
     seen = all_cells(drain(leaf_keys_of(clipped, even())))
 
-    def gaps(_batch: object, fragments: object) -> tuple[np.ndarray, np.ndarray]:
-        return np.ones(len(fragments), np.float32), np.zeros(len(fragments), np.float32)
+    def gaps(_batch: object, fragments: object) -> Shading:
+        return Shading(np.ones(len(fragments), np.float32), np.zeros(len(fragments), np.float32))
 
     assert len(drain(choose_surfels(clipped, gaps, sheets, seen, NO_EYES))) == 0

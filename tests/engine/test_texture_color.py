@@ -86,6 +86,6 @@ def test_large_fragments_show_the_mean_colour() -> None:
     whole = Fragments(
         np.zeros(1, np.uint64), np.zeros(1, np.int32), np.full((1, 2), 1 / 3, np.float32), np.array([0.5])
     )
-    luminance, _, color = albedo_shade(mesh, color=True)(mesh.parts[0], whole)
+    luminance, _, color, *_ = albedo_shade(mesh, color=True)(mesh.parts[0], whole)
     np.testing.assert_allclose(color[0], (0.5, 0.0, 0.5), atol=1e-3)
     assert luminance[0] == pytest.approx((0.2126 + 0.0722) / 2, rel=1e-3)

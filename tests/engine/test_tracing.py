@@ -9,7 +9,7 @@ import pytest
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits, ray_up, seen_color
 from patchnet.patchnet_addon.tracing.supersample import behind_patches, supersample
@@ -21,7 +21,7 @@ SIZE = (24, 20)
 
 def shade(batch, fragments):
     tone = (np.arange(len(batch)) * 0.37 % 1.0).astype(np.float32)
-    return tone[fragments.triangle], np.ones(len(fragments), np.float32)
+    return Shading(tone[fragments.triangle], np.ones(len(fragments), np.float32))
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +113,9 @@ def test_behind_sees_the_second_of_two_sheets():
     mesh = TriangleMesh.from_arrays(np.array(sheet(0.5) + sheet(-0.5), float))
 
     def tones(batch, fragments):
-        return np.where(fragments.triangle < 2, 0.9, 0.2).astype(np.float32), np.ones(len(fragments), np.float32)
+        return Shading(
+            np.where(fragments.triangle < 2, 0.9, 0.2).astype(np.float32), np.ones(len(fragments), np.float32)
+        )
 
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 7), tones, exposure=1.0))
     camera = Camera.look_at(np.array([0.001, 0.002, 4.0]), np.zeros(3), up_world=(0, 1, 0), size_px=(8, 8))

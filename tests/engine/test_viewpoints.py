@@ -12,7 +12,7 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import limit_threads
-from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.viewpoints import encloses, free_positions, viewpoints
@@ -97,7 +97,7 @@ def test_hollow_walls_are_no_place_for_a_camera() -> None:
 
     def shade(batch, fragments):
         dark = (fragments.triangle >= 12) & (fragments.triangle < 24)
-        return np.where(dark, 0.0, 0.5).astype(np.float32), np.ones(len(dark), np.float32)
+        return Shading(np.where(dark, 0.0, 0.5).astype(np.float32), np.ones(len(dark), np.float32))
 
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 8), shade, exposure=1.0))
     cameras = drain(viewpoints(octree, 3, (32, 24)))

@@ -21,7 +21,7 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.octree.voxelize import LeafDetail, triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import RotatedSource, TriangleMesh, random_rotation
+from patchnet.patchnet_addon.surface.mesh import RotatedSource, Shading, TriangleMesh, random_rotation
 from patchnet.patchnet_addon.surface.shading import bisected_shade, two_lights_shade
 from patchnet.tests.references.clip import clip_reference
 from patchnet.tests.references.lookups import node_at
@@ -35,7 +35,7 @@ def position_shade(batch, fragments):
     b1, b2 = fragments.barycentric.T
     weights = np.stack([1 - b1 - b2, b1, b2], axis=1)
     points = (weights[:, :, None] * batch.corners_world[fragments.triangle]).sum(axis=1)
-    return points[:, 0].astype(np.float32), np.ones(len(fragments), np.float32)
+    return Shading(points[:, 0].astype(np.float32), np.ones(len(fragments), np.float32))
 
 
 def soup(count, seed=0, size=0.1):
@@ -111,8 +111,7 @@ def test_occupied_cells_are_those_of_the_leaves():
     layout = LeafLevels(levels)
 
     def with_gaps(batch, fragments):
-        luminance, _ = position_shade(batch, fragments)
-        return luminance, (fragments.triangle % 3 > 0).astype(np.float32)
+        return position_shade(batch, fragments)._replace(opacity=(fragments.triangle % 3 > 0).astype(np.float32))
 
     expected = leaves_of(mesh, grid, with_gaps, layout=layout)
     assert len(expected) == 5
@@ -121,7 +120,7 @@ def test_occupied_cells_are_those_of_the_leaves():
             mesh, grid, with_gaps, layout=layout, detail=LeafDetail(only_keys=True), block_fragments=count
         )
         for one, two in zip(expected, found, strict=True):
-            assert one.level == two.level and two.sums.shape == (len(two.keys), 0)
+            assert one.level == two.level and not any(map(len, two.sums))
             np.testing.assert_array_equal(one.keys, two.keys)
 
 
@@ -131,12 +130,16 @@ def test_opacity_cuts_the_surface():
     )
 
     def lower_only(batch, fragments):
-        return np.full(len(fragments), 0.5, np.float32), (fragments.triangle == 0).astype(np.float32)
+        return Shading(np.full(len(fragments), 0.5, np.float32), (fragments.triangle == 0).astype(np.float32))
 
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 4), lower_only))
     assert octree.cells(4)[:, 2].max() == 0
     with pytest.raises(GeometryError, match="transparent"):
-        drain(build_octree(mesh, Grid.around(mesh.bounds_world, 4), lambda b, f: (np.zeros(len(f)), np.zeros(len(f)))))
+        drain(
+            build_octree(
+                mesh, Grid.around(mesh.bounds_world, 4), lambda b, f: Shading(np.zeros(len(f)), np.zeros(len(f)))
+            )
+        )
 
 
 @settings(max_examples=60, deadline=None)
@@ -145,14 +148,14 @@ def test_area_is_conserved_and_touched_voxels_are_there(corners):
     areas, _ = triangle_areas_and_normals(corners)
     assume(areas.sum() > 0)
     (leaves,) = leaves_of(TriangleMesh.from_arrays(corners), GRID, position_shade)
-    assert leaves.sums[:, 0].sum(dtype=np.float64) == pytest.approx(areas.sum(), rel=1e-6, abs=1e-9)
-    assert (np.diff(leaves.keys.astype(np.int64)) > 0).all() and (leaves.sums[:, 0] > 0).all()
+    assert leaves.sums.area.sum(dtype=np.float64) == pytest.approx(areas.sum(), rel=1e-6, abs=1e-9)
+    assert (np.diff(leaves.keys.astype(np.int64)) > 0).all() and (leaves.sums.area > 0).all()
     touched = {}
     for part, area in zip(corners, areas, strict=True):
         if area > 0:
             for key, (share, _) in clip_reference(part, SIDE).items():
                 touched[key] = touched.get(key, 0.0) + share * area
-    found = dict(zip(leaves.keys.tolist(), leaves.sums[:, 0].tolist(), strict=True))
+    found = dict(zip(leaves.keys.tolist(), leaves.sums.area.tolist(), strict=True))
     for key, area in touched.items():
         assert found.get(key, 0.0) == pytest.approx(area, rel=1e-5, abs=1e-7)
     assert all(area < 1e-7 for key, area in found.items() if key not in touched)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from patchnet.patchnet_addon.cells.leaf_boxes import FILLED_STEPS
 from patchnet.patchnet_addon.codes.brick import OCTANTS, corner_neighbours, voxel_blocks
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.codes.corner_cells import (
@@ -26,7 +27,6 @@ from patchnet.patchnet_addon.codes.predict import Prediction
 from patchnet.patchnet_addon.codes.ray_frame import CELLS, SIDE, cell_order
 from patchnet.patchnet_addon.network.kinds import CHILDREN, CODE_SIZE, CORNERS, SIDE_BY_SIDE
 from patchnet.patchnet_addon.network.weights import CHANNELS
-from patchnet.patchnet_addon.octree.leaf_boxes import FILLED_STEPS
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from patchnet.patchnet_addon.tracing.render import Hits

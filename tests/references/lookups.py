@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from patchnet.patchnet_addon.cells.leaf_boxes import STEPS
 from patchnet.patchnet_addon.cells.morton import morton_encode
 from patchnet.patchnet_addon.codes.brick import EMPTY
 from patchnet.patchnet_addon.codes.corner_cells import BASE, BASE_STEPS, FACES, SLOPE, SLOPE_BITS, SLOPE_STEPS
-from patchnet.patchnet_addon.octree.leaf_boxes import STEPS
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 

@@ -110,7 +110,7 @@ def surfels_reference(
     entries: dict[Place, list[Drawn]] = defaultdict(list)
     for batch, fragments in parts_of(clipped):
         normals = triangle_areas_and_normals(batch.corners_world)[1]
-        shown, level = opacity(batch, fragments)[1], fragments.level
+        shown, level = opacity(batch, fragments).opacity, fragments.level
         for f in range(len(fragments)):
             weight = float(fragments.area_world[f]) * float(shown[f])
             if shown[f] < np.float32(1.0 / 255.0) or weight <= 0.0:
@@ -122,7 +122,7 @@ def surfels_reference(
             place = start + one * (first - start) + two * (second - start)
             up_of_seen, pixels = _light_level(key, level, views)
             for side, sign in enumerate((1.0, -1.0)):
-                if sheets.facing[number] == -sign:
+                if sheets.lit[number] == -sign:
                     continue
                 coarse = min(COARSE, level)
                 above = [_eye_is_above(place, normals[t], eye) for eye in eyes]

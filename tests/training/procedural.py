@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from patchnet.patchnet_addon.cells.morton import morton_encode
+from patchnet.patchnet_addon.cells.scales import LUMINANCE_SCALE, NORMAL_SCALE
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.levels import hierarchy
-from patchnet.patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
+from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.training.data.dataset import Dataset, save_samples
 from patchnet.training.data.samples import Samples, SampleSettings, draw_samples

@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
-from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.commands import main
 from patchnet.training.evaluation.catalogue import octree_path
@@ -44,7 +44,7 @@ def small_table():
     def shade(batch, fragments):
         height = batch.corners_world[fragments.triangle, :, 2].mean(axis=1)
         luminance = np.where(height > top - 0.005, CLOTH, WOOD).astype(np.float32)
-        return luminance, np.ones(len(luminance), np.float32)
+        return Shading(luminance, np.ones(len(luminance), np.float32))
 
     bounds = mesh.bounds_world - [
         [0, 0, 0.066],

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from ...patchnet_addon.cells.leaf_boxes import filled_share
+from ...patchnet_addon.cells.scales import LUMINANCE_SCALE, NORMAL_SCALE
 from ...patchnet_addon.codes.brick import MIDDLE, Brick, empty_brick, fill_blocks, nodes_around
 from ...patchnet_addon.codes.mixture_inputs import nearby_order
 from ...patchnet_addon.codes.outer_cells import mask_geometry
 from ...patchnet_addon.network.kinds import COVERING, MIXED, VIEW
 from ...patchnet_addon.network.weights import CHANNELS
-from ...patchnet_addon.octree.leaf_boxes import filled_share
-from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.kernels import array_device, device, kernel
 from .augmentation import Augmentation, cube_symmetries

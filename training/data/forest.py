@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...patchnet_addon.directional.node_light import NO_SIDES, NodeLight
 from ...patchnet_addon.octree.octree import Nodes, Octree
 from ...patchnet_addon.octree.pieces import NONE
-from ...patchnet_addon.octree.sides import NO_SIDES, NodeLight
 from ...patchnet_addon.runtime.bounds import INT32_COUNT, check_count
 from ...patchnet_addon.runtime.kernels import array_device
 

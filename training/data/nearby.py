@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...patchnet_addon.cells.scales import LUMINANCE_SCALE
 from ...patchnet_addon.codes.brick import MIDDLE, child_at
 from ...patchnet_addon.codes.corner_cells import EMPTY, word_of
 from ...patchnet_addon.codes.footprint import clear_tile, empty_footprint_tile, measure_tile
@@ -18,7 +19,6 @@ from ...patchnet_addon.codes.outer_cells import empty_outer_list, list_cells, me
 from ...patchnet_addon.codes.ray_frame import CELLS, SIDE
 from ...patchnet_addon.network.compiled_layers import TILE, empty_values
 from ...patchnet_addon.network.kinds import CORNERS, COVERING, MIXED, VIEW
-from ...patchnet_addon.octree.octree import LUMINANCE_SCALE
 from ...patchnet_addon.runtime.kernels import array_device, device
 from .forest import tree_nodes
 

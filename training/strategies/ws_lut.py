@@ -13,8 +13,8 @@ from functools import cache
 
 import numpy as np
 
+from ...patchnet_addon.cells.morton import POPCOUNT
 from ...patchnet_addon.network.harmonics import real_harmonics
-from ...patchnet_addon.octree.octree import POPCOUNT
 from ...patchnet_addon.sampling.patchnet import coverage_and_luminance_score
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strategy import CHILD_MASK, EXACT_1, Strategy

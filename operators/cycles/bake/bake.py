@@ -161,7 +161,7 @@ def _lit(
     sides = MaterialSides(chosen.reflects, chosen.through)
     shade = cells_shade(cells, chosen.table, chosen.sheets, sides, color=job.light.color, colors=colors)
     notes: dict[str, Any] = {FINE_LIGHT: round(chosen.fine, 4), LIGHT_NOISE: round(usual_noise(cells), 5)}
-    return SurfaceLight(shade, chosen.sheets.facing, chosen.reflects, baker.warnings, notes)
+    return SurfaceLight(shade, chosen.reflects, baker.warnings, notes)
 
 
 def _opened(job: BakeJob) -> SurfelCache:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
     from ....patchnet_addon.light.seen_cells import SeenCells
     from ....patchnet_addon.light.sheets import Sheets
     from ....patchnet_addon.octree.voxelize import ClippedSurface
-    from ....patchnet_addon.surface.mesh import Fragments, ShadingFn, TriangleBatch
+    from ....patchnet_addon.surface.mesh import Fragments, Shading, ShadingFn, TriangleBatch
 
 _CHOOSING = Progress(0, 1, "Choosing surfels")
 
@@ -50,9 +50,9 @@ def colored_leaves(
     from ....patchnet_addon.light.seen_cells import LEVEL_BITS
     from ....patchnet_addon.light.surfels import choose_surfels
 
-    def shown(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
-        luminance, opaque, *rest = opacity(batch, fragments)
-        return luminance, opaque * which[batch.materials[fragments.triangle]], *rest
+    def shown(batch: TriangleBatch, fragments: Fragments) -> Shading:
+        shading = opacity(batch, fragments)
+        return shading._replace(opacity=shading.opacity * which[batch.materials[fragments.triangle]])
 
     finest = seen._replace(level=(seen.cells & np.uint64((1 << LEVEL_BITS) - 1)).astype(np.int64))
     steps = choose_surfels(clipped, shown, sheets, finest, eyes, above=0)

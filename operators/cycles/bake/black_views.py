@@ -89,7 +89,7 @@ def _both_sides(source: SceneMesh, surfels: np.ndarray, shade: ShadingFn) -> tup
             places = np.stack([own["one"], own["two"]], axis=1)
             keys, area = own["leaf"] >> np.uint64(5), own["area"].astype(np.float64)
             fragments = Fragments(keys, local[here].astype(np.int32), places, area, level=int(leaf_level))
-            lights[here] = shade(batch, fragments)[3][..., 0]
+            lights[here] = shade(batch, fragments).sides[..., 0]
     side, rows = surfels["side"].astype(int), np.arange(len(surfels))
     return lights[rows, side], lights[rows, 1 - side]
 

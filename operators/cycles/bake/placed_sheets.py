@@ -23,8 +23,9 @@ def placed_sheets(source: SceneMesh, cameras: Sequence[Camera], two_sided: np.nd
     Closed sheets get it outside, or inside if a camera is there; without cameras also inside if other objects are
     there. Open ones, and those of `two_sided` (M,) materials, get it on both sides.
     """
-    from ....patchnet_addon.light.sheets import Sheets, add_volumes, faces_of
+    from ....patchnet_addon.light.sheets import Sheets, add_volumes
     from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
+    from ....patchnet_addon.surface.sides import LIT_BACK, LIT_BOTH, LIT_FRONT, faces_of
 
     sheet, is_open, placement = _numbered(source)
     volumes, origin = np.zeros(len(is_open)), source.bounds_world.mean(axis=0)
@@ -34,11 +35,11 @@ def placed_sheets(source: SceneMesh, cameras: Sequence[Camera], two_sided: np.nd
         add_volumes(batch.corners_world, sheet[here], origin, volumes)
         through[here] = two_sided[batch.materials]
         face[here] = faces_of(triangle_areas_and_normals(batch.corners_world)[1])
-    outer = np.where(volumes >= 0.0, 1, -1).astype(np.int8)
+    outer = np.where(volumes >= 0.0, LIT_FRONT, LIT_BACK)
     some_within, some_outside = _places_of(cameras, source, sheet, ~is_open, placement)
-    facing = np.where(is_open | (some_within & some_outside), np.int8(0), np.where(some_within, -outer, outer))
-    of_triangle = np.append(facing, np.int8(0)).astype(np.int8)[sheet]  # the last is of triangles without a sheet
-    of_triangle[through] = 0
+    lit = np.where(is_open | (some_within & some_outside), LIT_BOTH, np.where(some_within, -outer, outer))
+    of_triangle = np.append(lit, LIT_BOTH).astype(np.int8)[sheet]  # the last is of triangles without a sheet
+    of_triangle[through] = LIT_BOTH
     return Sheets(sheet, of_triangle, face)
 
 

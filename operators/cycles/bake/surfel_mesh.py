@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
+from ....patchnet_addon.surface.sides import BACK
 from ...scene.layer_names import own_name
 from ...scene.scene_mesh import Run, SceneMesh
 from ...scene_access.polygons import add_polygons
@@ -116,7 +117,7 @@ def _part(
     from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
 
     corners, mesh = run.corners_world()[local], run.instances.mesh
-    weights, is_back = _weights(corners, surfels), surfels["side"] != 0
+    weights, is_back = _weights(corners, surfels), surfels["side"] == BACK
     weights[is_back] = weights[is_back][:, [0, 2, 1]]
 
     def mean(values: np.ndarray) -> np.ndarray:

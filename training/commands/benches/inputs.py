@@ -23,7 +23,7 @@ from ....patchnet_addon.octree.voxelize import PLAIN_LEAVES, LeafDetail
 from ....patchnet_addon.runtime.errors import PatchNetError
 from ....patchnet_addon.runtime.progress import drain
 from ....patchnet_addon.runtime.threads import limit_threads
-from ....patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
+from ....patchnet_addon.surface.mesh import Fragments, Shading, TriangleBatch, TriangleMesh
 from ....patchnet_addon.surface.texture_lookup import BaseColors
 from ....patchnet_addon.surface.textures import TextureTable
 from ...benchmarks.shells import octree_of_shells, shell_triangles
@@ -79,5 +79,5 @@ def voxelized(mesh: TriangleMesh, depth: int, *, exact: bool = False) -> Octree:
     return drain(build_octree(mesh, grid, _constant_light, exposure=1.0, detail=detail))
 
 
-def _constant_light(_batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
-    return np.full(len(fragments), 0.5, np.float32), np.ones(len(fragments), np.float32)
+def _constant_light(_batch: TriangleBatch, fragments: Fragments) -> Shading:
+    return Shading(np.full(len(fragments), 0.5, np.float32), np.ones(len(fragments), np.float32))

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....patchnet_addon.octree.octree import POPCOUNT, Octree
+from ....patchnet_addon.cells.morton import POPCOUNT
+from ....patchnet_addon.octree.octree import Octree
 from ....patchnet_addon.runtime.bounds import MAX_DEPTH
 from ....patchnet_addon.runtime.progress import Steps
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers

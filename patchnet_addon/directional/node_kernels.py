@@ -1,41 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kernels for light of a node along a direction, and its chroma; `sides.py` and `chroma.py` define them."""
+"""Light of a node along a direction, for kernels; `node_light.py` defines it."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ..cells.scales import LUMINANCE_SCALE
 from ..runtime.kernels import device, kernel
 from ..runtime.vectors import count_ones
-from ..surface.chroma import BLUE, GRAY_SHARE, GREEN, RED, SHARE_SCALE
-from .octree import LUMINANCE_SCALE
+from ..surface.chroma_kernels import decode_color
+from ..surface.side_kernels import face_towards
 
 _ROOT_SCALE = np.float32(LUMINANCE_SCALE / 255.0**2)  # luminance of a face is the square of a byte
 _LEAST = np.float32(1)  # weight of the mean, 255 = a whole face: it dominates where hardly any surface faces the ray
 _OF_BLACK = np.float32(0.125)  # of black backs
 _LEAST_SHARE = 7  # of 255: up to this visible share, a face has the mean
-
-
-@device
-def decode_color(luminance, red, blue):  # type: ignore[no-untyped-def]
-    """Compiled twin of `decoded_colors`, whose NumPy version defines the bytes."""
-    r = float(red)
-    b = float(blue)
-    g = max(SHARE_SCALE - r - b, 0.0)
-    scale = luminance / (RED * r + GREEN * g + BLUE * b)
-    return r * scale, g * scale, b * scale
-
-
-@device
-def encode_shares(luminance, red, blue):  # type: ignore[no-untyped-def]
-    """Compiled twin of `encoded_chroma_reference`, of a colour whose green is what is left of its luminance."""
-    r = max(float(red), 0.0)
-    b = max(float(blue), 0.0)
-    g = max((luminance - RED * r - BLUE * b) / GREEN, 0.0)
-    total = r + g + b
-    if not total > 0.0:
-        return np.uint8(GRAY_SHARE), np.uint8(GRAY_SHARE)
-    return np.uint8(np.rint(r / total * SHARE_SCALE)), np.uint8(np.rint(b / total * SHARE_SCALE))
 
 
 @device
@@ -63,8 +42,8 @@ def luminance_of_sides(light, node, row, x, y, z):  # type: ignore[no-untyped-de
     sides = light.sides
     backs = _backs_are_seen(sides, row, x, y, z)
     a, a_weight = _face_along(sides, row, np.int64(0), x, backs)
-    b, b_weight = _face_along(sides, row, np.int64(2), y, backs)
-    c, c_weight = _face_along(sides, row, np.int64(4), z, backs)
+    b, b_weight = _face_along(sides, row, np.int64(1), y, backs)
+    c, c_weight = _face_along(sides, row, np.int64(2), z, backs)
     seen = a_weight + b_weight + c_weight
     rest = _rest(sides, row, seen, backs, x, y, z)
     return (rest * np.float32(light.luminance[node]) + a + b + c) / (rest + seen)
@@ -79,7 +58,7 @@ def _backs_are_seen(sides, row, x, y, z):  # type: ignore[no-untyped-def]
     front, back = np.float32(0), np.float32(0)
     for axis in range(3):
         along = x if axis == 0 else y if axis == 1 else z
-        face = 2 * axis + (1 if along > 0 else 0)
+        face = face_towards(axis, -along)
         share = sides.share[row, face]
         weight = np.float32(abs(along)) * np.float32(share)
         if share & 1 == 0:
@@ -100,12 +79,12 @@ def _rest(sides, row, seen, backs, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @device
-def _face_along(sides, row, first, along, backs):  # type: ignore[no-untyped-def]
+def _face_along(sides, row, axis, along, backs):  # type: ignore[no-untyped-def]
     """Luminance times weight, and weight, of the face across an axis that a direction runs against.
 
     backs: only faces of backs count, else only those of fronts.
     """
-    face = first + (1 if along > 0 else 0)
+    face = face_towards(axis, -along)
     share = sides.share[row, face]
     weight = np.float32(abs(along)) * np.float32(share) if (share & 1 == 1) == backs else np.float32(0)
     root = np.float32(sides.light[row, face])
@@ -125,8 +104,8 @@ def color_along(sides, row, mean, x, y, z):  # type: ignore[no-untyped-def]
     backs = _backs_are_seen(sides, row, x, y, z)
     for axis in range(3):
         along = x if axis == 0 else y if axis == 1 else z
-        face = 2 * axis + (1 if along > 0 else 0)
-        light, weight = _face_along(sides, row, np.int64(2 * axis), along, backs)
+        face = face_towards(axis, -along)
+        light, weight = _face_along(sides, row, np.int64(axis), along, backs)
         r, g, b = decode_color(light / LUMINANCE_SCALE, sides.chroma[row, face, 0], sides.chroma[row, face, 1])
         red, green, blue, seen = red + r, green + g, blue + b, seen + weight
     rest = _rest(sides, row, seen, backs, x, y, z)
