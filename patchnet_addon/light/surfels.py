@@ -59,8 +59,8 @@ class _Draw(NamedTuple):
 
 class _View(NamedTuple):
     """What cameras see: `SeenCells` with slots, and the coarsest level of a voxel that a ray ends in; eyes (E, 4):
-    position and 1, or direction to the eye and 0; units (L,) of area of a light cell of each level; least levels
-    between leaves and light cells.
+    position and 1, or direction to the eye and 0; units (L,) of area of a light cell of each level. is_color: cells are
+    of base colours.
     """
 
     cells: np.ndarray
@@ -70,7 +70,7 @@ class _View(NamedTuple):
     coarsest: int
     eyes: np.ndarray
     units: np.ndarray
-    above: int
+    is_color: bool
 
 
 class _Surface(NamedTuple):
@@ -98,18 +98,19 @@ def choose_surfels(
     seen: SeenCells,
     eyes: np.ndarray,
     *,
-    above: int = ABOVE_LEAVES,
+    is_color: bool = False,
 ) -> Steps[np.ndarray]:
     """Surfels (N,) SURFEL of a surface, in the order of their light cells.
 
     opacity: of the lit surface; it is called in threads. seen: by cameras with `eyes` (E, 4); without eyes every side
-    that gets light is seen. above: least levels of light cells above the leaves.
+    that gets light is seen. is_color: surfels of base colours, which vary faster than light: cells are leaves. Rays of
+    cameras skip leaves that are smaller than pixels; for these there are cells of all larger sizes, too.
     """
     slots = slots_for(len(seen.cells))
     fill_slots(slots, seen.cells, np.arange(len(seen.cells)))
     coarsest = int((seen.cells & np.uint64((1 << LEVEL_BITS) - 1)).min(initial=(1 << LEVEL_BITS) - 1))
     cell_side = clipped.grid.side_world / 2.0 ** np.arange(clipped.grid.depth + 1)
-    view = _View(*seen, slots, coarsest, eyes, _FACE_UNITS / cell_side**2, above)
+    view = _View(*seen, slots, coarsest, eyes, _FACE_UNITS / cell_side**2, is_color)
     count, cores = clipped.source.triangle_count, [_draw_with_room(1 << 16) for _ in max(clipped.passes, key=len)]
     for number, ranges in enumerate(clipped.passes):
         shares = [
@@ -171,7 +172,7 @@ def _choose(first, fragments, shown, level, surface, view, draw):  # type: ignor
     """Enter fragments from `first` on with opacities `shown`; returns the first without room, or their number."""
     coarse = min(COARSE, level)
     for f in range(first, len(fragments.keys)):
-        if draw.used[0] + 4 > len(draw.rows):
+        if draw.used[0] + 2 * (COARSE + 1) > len(draw.rows):
             return f
         weight = fragments.area_world[f] * shown[f]
         if not shown[f] >= MIN_OPACITY or not weight > 0.0:
@@ -183,8 +184,9 @@ def _choose(first, fragments, shown, level, surface, view, draw):  # type: ignor
             if not is_lit(surface.sheets.lit[t], side):
                 continue
             shows = pixels if pixels > 0.0 and _is_shown(fragments, f, surface, view.eyes, side) else 0.0
-            if up < coarse and shows > 0.0:
-                _enter(fragments, f, weight, (level, up, shows, view.units[level - up]), side, surface, draw)
+            if shows > 0.0:
+                for fine in range(up, coarse if view.is_color else min(up + 1, coarse)):
+                    _enter(fragments, f, weight, (level, fine, shows, view.units[level - fine]), side, surface, draw)
             shows = shows if up == coarse else 0.0
             _enter(fragments, f, weight, (level, coarse, shows, view.units[level - coarse]), side, surface, draw)
     return len(fragments.keys)
@@ -201,7 +203,9 @@ def _light_level(view, key, level):  # type: ignore[no-untyped-def]
         cell = ((key >> np.uint64(3 * up)) << np.uint64(LEVEL_BITS)) | np.uint64(level - up)
         row = row_of_key(view.slots, view.cells, cell)
         if row >= 0:
-            wanted = max(level - view.level[row], min(view.above, level))
+            if view.is_color:
+                return min(up, coarse), float(view.pixels[row])
+            wanted = max(level - view.level[row], min(ABOVE_LEAVES, level))
             return min(wanted, coarse), float(view.pixels[row]) * 0.25 ** max(wanted - coarse, 0)
     return coarse, 0.0
 

@@ -47,15 +47,13 @@ def colored_leaves(
 ) -> Steps[ColoredLeaves]:
     """Choose surfels in voxels that cameras see, on materials `which` (M,); elsewhere they are as coarse as light."""
     from ....patchnet_addon.light.light_cells import CellGrid, surface_of_surfels
-    from ....patchnet_addon.light.seen_cells import LEVEL_BITS
     from ....patchnet_addon.light.surfels import choose_surfels
 
     def shown(batch: TriangleBatch, fragments: Fragments) -> Shading:
         shading = opacity(batch, fragments)
         return shading._replace(opacity=shading.opacity * which[batch.materials[fragments.triangle]])
 
-    finest = seen._replace(level=(seen.cells & np.uint64((1 << LEVEL_BITS) - 1)).astype(np.int64))
-    steps = choose_surfels(clipped, shown, sheets, finest, eyes, above=0)
+    steps = choose_surfels(clipped, shown, sheets, seen, eyes, is_color=True)
     surfels = yield from run_in_worker(lambda: steps, _CHOOSING)
 
     def grid() -> CellGrid:
