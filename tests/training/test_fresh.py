@@ -22,10 +22,6 @@ from patchnet.training.settings import TrainSettings
 
 torch = pytest.importorskip("torch")
 
-from patchnet.training.data.tensor_batch import tensor_batch  # noqa: E402
-from patchnet.training.run.learner import Learner  # noqa: E402
-from patchnet.training.run.processes import Processes  # noqa: E402
-from patchnet.training.run.steps import StepPlan  # noqa: E402
 
 SETTINGS = TrainSettings(
     passes=6 * 256,
@@ -84,25 +80,6 @@ def test_held_out_parts_stay_out(datasets: list[Dataset], corpus: FreshCorpus) -
         assert held_out_voxels(each.octree, voxel[tree == number], settings.held_out, settings.seed)[0].all()
         inside = held_out[each.name].voxel
         assert held_out_voxels(each.octree, inside, settings.held_out, settings.seed)[1].all() and len(inside) == 2048
-
-
-def test_shares_of_a_step_are_the_step(corpus: FreshCorpus) -> None:
-    """Any number of processes has the same gradients and errors, but for rounding."""
-    learner = Learner(SETTINGS)
-    nearby = replace(corpus, nearby=True)
-
-    def sums(processes: int) -> list[torch.Tensor]:
-        found = []
-        for rank in range(processes):
-            plan = StepPlan(nearby, SETTINGS, SETTINGS.batch // 4, Processes(rank, processes))
-            gradients, errors = learner.differentiate(tensor_batch(plan.batch(5)), torch.float32, plan.share)
-            found.append([*gradients, errors])
-        return [torch.stack(parts).sum(0) for parts in zip(*found, strict=True)]
-
-    wanted = sums(1)
-    for processes in (2, 3):
-        for one, other in zip(sums(processes), wanted, strict=True):
-            torch.testing.assert_close(one, other, atol=2e-6, rtol=1e-3)
 
 
 def test_command(datasets: list[Dataset], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

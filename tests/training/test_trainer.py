@@ -155,22 +155,6 @@ def test_refuses_what_does_not_fit(datasets: list[Dataset], tmp_path: Path) -> N
         drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))
 
 
-def test_curves_for_tensorboard(datasets: list[Dataset], tmp_path: Path) -> None:
-    """It shows the numbers of the log, also after a run was resumed."""
-    pytest.importorskip("tensorboard")
-    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
-
-    options = RunOptions(tmp_path, log_steps=1, tensorboard=True, validation=[replace(datasets[1], name="other")])
-    drain(train(datasets[:1], SETTINGS, replace(options, stop_after=2)))
-    drain(train(datasets[:1], SETTINGS, replace(options, resume=True)))
-    events = EventAccumulator(str(tmp_path / "tensorboard"))
-    events.Reload()
-    log = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
-    curve = {line["step"]: line["coverage"] for line in log if "coverage" in line}
-    assert {event.step: event.value for event in events.Scalars("training/coverage")} == pytest.approx(curve)
-    assert "validation/other/luminance" in events.Tags()["scalars"]
-
-
 def test_dataset_file_knows_its_octree(datasets: list[Dataset], tmp_path: Path) -> None:
     octree, samples = datasets[0].octree, datasets[0].samples
     path = save_drawn(tmp_path, "a", octree, samples, SampleSettings())

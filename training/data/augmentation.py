@@ -40,10 +40,6 @@ class Augmentation:
         remap[:, 3] = remap[:, 3] < remap_share
         return cls(random.integers(0, COUNT, count).astype(np.int32), remap)
 
-    def part(self, first: int, last: int) -> Augmentation:
-        """Augmentation of the voxels `first` to `last` (exclusive)."""
-        return Augmentation(self.symmetry[first:last], self.remap[first:last])
-
 
 class Symmetries(NamedTuple):
     """Tables of the 48 symmetries; number 0 is the identity.

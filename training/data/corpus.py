@@ -2,7 +2,7 @@
 """Corpus: the training voxels of all data sets without the held-out ones, from sample files or drawn anew.
 
 Each step of a run on fresh samples draws voxels and views from the octrees. A draw depends only on the seed, the step's
-number and the voxel's index in the step, so that a run resumes exactly, and threads and processes that share a step
+number and the voxel's index in the step, so that a run resumes exactly, and threads that share a step
 draw the same samples as one. Held-out parts of scenes are those of `patchnet lab dataset` (methods 7.21).
 """
 
@@ -98,9 +98,9 @@ class FreshCorpus:
         """Levels that samples look ahead."""
         return self.settings.lookahead
 
-    def batch_of_step(self, seed: int, step: int, places: slice, augmentation: Augmentation) -> Batch:
-        """Augmented batch of some places of a step; raises PatchNetError if no voxel is visible."""
-        drawn = self.draw(seed, step, places)
+    def batch_of_step(self, seed: int, step: int, count: int, augmentation: Augmentation) -> Batch:
+        """Augmented batch of the first `count` places of a step; raises PatchNetError if no voxel is visible."""
+        drawn = self.draw(seed, step, slice(0, count))
         return gather_batch(self.forest, *drawn, augmentation, self.lookahead, nearby=self.nearby)
 
     def draw(self, seed: int, step: int, places: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

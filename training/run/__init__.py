@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training runs: steps on threads, processes and GPUs, validation, checkpoints, logs."""
+"""Training runs: steps on threads and GPUs, validation, checkpoints, logs."""
 
 from __future__ import annotations
 

@@ -52,19 +52,17 @@ class Learner(Resumable):
         self.optimizer = torch.optim.Adam(self.model.parameters(), settings.learning_rate, fused=True)
         super().__init__(model=self.model, mean=self.mean, optimizer=self.optimizer)
 
-    def differentiate(self, batch: Batch, dtype: torch.dtype, share: float = 1.0) -> tuple[list[Tensor], Tensor]:
-        """Gradients of a batch's loss by all parameters, and sums (3,) for `mean_errors`.
-
-        share: of the batch in the step; both are scaled by it, so that those of all parts sum up. The encoder's
-        products run in `dtype`.
+    def differentiate(self, batch: Batch, dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
+        """Gradients of a batch's loss by all parameters, and sums (3,) for `mean_errors`. The encoder's products run in
+        `dtype`.
         """
         settings = self.settings
         with float32_products(self.device, tf32=settings.precision == TF32):
             predicted = self.model(batch, dtype)
             squared, weight = settings.loss == SQUARED, settings.luminance_weight
             loss, sums = batch_loss(predicted, batch, squared=squared, luminance_weight=weight)
-            gradients = torch.autograd.grad(share * loss, list(self.model.parameters()))
-        return list(gradients), share * sums
+            gradients = torch.autograd.grad(loss, list(self.model.parameters()))
+        return list(gradients), sums
 
     def step(self, gradients: list[Tensor], rate: float) -> None:
         """Take one step at learning rate `rate` along the gradients."""
@@ -99,7 +97,7 @@ def batch_loss(predicted: Tensor, batch: Batch, *, squared: bool, luminance_weig
 
 
 def mean_errors(sums: Tensor) -> Tensor:
-    """Errors (2,) of a step, of coverage and of luminance in views with coverage, from the sums (3,) of its parts."""
+    """Errors (2,) of a step, of coverage and of luminance in views with coverage, from its sums (3,)."""
     return torch.stack([sums[0], sums[1] / sums[2].clamp(min=1e-9)])
 
 

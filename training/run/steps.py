@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Steps of a run: samples of each step, and threads that prefetch batches.
 
-The samples of a step depend on the seed and its number only, for any device, threads and processes.
+The samples of a step depend on the seed and its number only, for any device and threads.
 """
 
 from __future__ import annotations
@@ -21,39 +21,28 @@ from ..data.batches import Batch
 from ..data.corpus import Corpus, FreshCorpus
 from ..data.tensor_batch import tensor_batch
 from ..settings import TrainSettings
-from .processes import Processes
 
 AnyCorpus = Corpus | FreshCorpus
 _MOST_AHEAD = 16  # prefetched batches for a GPU
 BATCHES = "batches of this size (--batch)"  # errors of a GPU with too little memory
-ALONE = Processes()
 
 
 @dataclass(frozen=True, eq=False)
 class StepPlan:
-    """Samples of each step of a run: `voxels` per step, of which this process has its share."""
+    """Samples of each step of a run: `voxels` per step."""
 
     corpus: AnyCorpus
     settings: TrainSettings
     voxels: int
-    processes: Processes = ALONE
-
-    @property
-    def share(self) -> float:
-        """This process's share of a step."""
-        own = self.processes.part(self.voxels)
-        return (own.stop - own.start) / self.voxels
 
     def batch(self, step: int) -> Batch:
-        """Batch of this process's share of a step."""
-        own = self.processes.part(self.voxels)
+        """Batch of a step."""
         augmentation = Augmentation.none(self.voxels)
         if self.settings.augment:
             augmentation = Augmentation.random(self.voxels, np.random.default_rng([self.settings.seed, 2, step]))
-        augmentation = augmentation.part(own.start, own.stop)
         if isinstance(self.corpus, FreshCorpus):
-            return self.corpus.batch_of_step(self.settings.seed, step, own, augmentation)
-        return self.corpus.batch(rows_of_step(self.corpus, self.settings, self.voxels, step)[own], augmentation)
+            return self.corpus.batch_of_step(self.settings.seed, step, self.voxels, augmentation)
+        return self.corpus.batch(rows_of_step(self.corpus, self.settings, self.voxels, step), augmentation)
 
 
 def batches_ahead(

@@ -30,7 +30,6 @@ from ..file_kinds import CHECKPOINT as CHECKPOINT_KIND
 from ..settings import AUTO, BF16, OF_LENGTH, TrainSettings
 from . import torch_threads
 from .learner import Learner, Resumable, learning_rate, mean_errors
-from .processes import Processes
 from .provenance import describe_data
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .run_log import Log
@@ -46,7 +45,7 @@ class RunOptions:
 
     device: cpu, cuda, cuda:N, or auto (`patchnet_addon/network/devices.py`). threads: of the CPU, for torch or for
     gathering batches for a GPU; None for one per core. validation: data sets for validation only. notes: further
-    metadata of the weights. tensorboard: also write curves for TensorBoard.
+    metadata of the weights.
     """
 
     out: Path
@@ -58,20 +57,18 @@ class RunOptions:
     device: str = CPU
     threads: int | None = None
     validation: Sequence[Dataset] = ()
-    tensorboard: bool = False
 
 
 def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOptions) -> Steps[Weights]:
     """Train on `datasets` and return the weights: the moving mean if there is one.
 
     Updates `checkpoint.pt`, `patchnet.safetensors` and `log.jsonl` in `options.out`. A run that is resumed on the same
-    device with as many threads continues exactly, else within rounding. The first of several processes (`processes.py`)
-    writes. Raises PatchNetError if the data or the device cannot be used.
+    device with as many threads continues exactly, else within rounding. Raises PatchNetError if the data or the device
+    cannot be used.
     """
     device = found_device(options.device)
     threads = usable_cores() if options.threads is None else options.threads
     THREADS.check(threads)
-    processes = Processes.joined()
     read: Callable[..., tuple[AnyCorpus, dict[str, Corpus]]] = fresh_corpus_of if settings.fresh else corpus_of
     corpus, held_out = read(datasets, nearby=settings.kind.mixes)
     sets = validation_sets(held_out, datasets, options.validation, corpus.lookahead, nearby=corpus.nearby)
@@ -90,9 +87,9 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
         notes |= {name: run[name] for name in run if name == "extended_from"}
-    plan = StepPlan(corpus, settings, voxels, processes)
+    plan = StepPlan(corpus, settings, voxels)
     end = min(total, options.stop_after or total)
-    keeper = _Keeper(learner, options, run, notes, sets, per_step, end) if processes.is_first else None
+    keeper = _Keeper(learner, options, run, notes, sets, per_step, end)
     before = time.monotonic() - learner.seconds
     title = counted(threads, "CPU thread") if device == CPU else device
     batches = batches_ahead(plan, learner.steps, end, learner.device, threads)
@@ -101,17 +98,15 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
             rate = learning_rate(learner.steps, total, settings)
             dtype = encoder_type(settings, learner.steps / total, device)
             with enough_memory(BATCHES), torch_threads(threads):
-                gradients, sums = learner.differentiate(batch, dtype, plan.share)
-                *gradients, sums = processes.sums([*gradients, sums])
+                gradients, sums = learner.differentiate(batch, dtype)
                 with interrupts_wait():  # so that checkpoints contain whole steps
                     learner.step(gradients, rate)
             learner.seconds = time.monotonic() - before
-            if keeper is not None:
-                keeper.keep_step(sums, rate)
+            keeper.keep_step(sums, rate)
             yield Progress(learner.steps, end, f"Training on {title}")
     finally:
         batches.close()
-        if learner.steps and keeper is not None:
+        if learner.steps:
             keeper.save()
     return learner.mean.to_weights(notes | _extent(learner, per_step))
 
@@ -129,7 +124,7 @@ class _Keeper:
     end: int
 
     def __post_init__(self) -> None:
-        self._log = Log(self.options.out / LOG, self.learner.steps, board=self.options.tensorboard)
+        self._log = Log(self.options.out / LOG, self.learner.steps)
         self._saved = time.monotonic()
 
     def keep_step(self, sums: torch.Tensor, rate: float) -> None:

@@ -95,7 +95,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_number(parser, "--seed", bounds.SEED, "random seed")
     add_run_arguments(parser)
-    parser.add_argument("--tensorboard", action="store_true", help="also write curves for TensorBoard")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -109,7 +108,6 @@ def run(args: argparse.Namespace) -> int:
     from ....commands.shared.progress_lines import progress_lines
     from ....patchnet_addon.network.devices import found_device
     from ...data.dataset import fresh_datasets, load_dataset, why_not_held_out
-    from ...run.processes import Processes
     from ...run.provenance import run_notes
     from ...run.trainer import RunOptions, train
 
@@ -122,14 +120,9 @@ def run(args: argparse.Namespace) -> int:
     settings = preset_with(args.preset, {each.name: getattr(args, each.name, None) for each in fields(TrainSettings)})
     options = RunOptions(args.out, args.resume, stop_after=args.stop_after)
     options.device, options.threads, options.validation = device, args.threads, validation
-    options.tensorboard = args.tensorboard
     options.notes = run_notes(device) | {"settings": asdict(settings)}
-    processes = Processes.joined()
-    weights = drain(train(datasets, settings, options), progress_lines() if processes.is_first else None)
-    processes.leave()
+    weights = drain(train(datasets, settings, options), progress_lines())
     path = args.out / WEIGHTS
-    if not processes.is_first:  # only the first process writes
-        return 0
     curve, validations = read_log(args.out / LOG)
     found = {"learned from": curve[-1]} | (validations[-1]["validation"] if validations else {})
     print("Mean absolute errors of coverage, of luminance, and of luminance as the voxel shows it:")
