@@ -113,7 +113,6 @@ def test_what_is_done_is_skipped_and_what_is_damaged_is_made_again(done):
         (["--scenes", "moon"], "Unknown scene 'moon': choose one of"),
         (["missing.safetensors"], "missing.safetensors"),
         (["x.safetensors", "--weights", "none.safetensors"], "none.safetensors"),
-        (["x.safetensors", "--lpips", "a.pth", "b.pth"], "a.pth with weights of LPIPS does not exist"),
     ],
 )
 def test_what_cannot_be_evaluated_is_refused(words, message, tmp_path, capsys, done, monkeypatch):

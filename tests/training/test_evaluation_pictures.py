@@ -89,4 +89,4 @@ def test_metrics_are_those_of_the_composed_pictures(name: str, encode, monkeypat
         assert measured[f"ssim {name}"] == pytest.approx(similarity[5:-5, 5:-5].mean())
         assert measured[f"ssim_active {name}"] == pytest.approx(similarity.ravel()[buffers.active].mean())
         assert measured[f"ms_ssim {name}"] == pytest.approx(expected.ms_ssim[0])
-        assert np.isnan(measured[f"flip {name}"]) and np.isnan(measured[f"lpips {name}"]), "neither was run"
+        assert np.isnan(measured[f"flip {name}"]), "it was not run"

@@ -26,7 +26,6 @@ from .codes import EvaluationSettings, scene_codes
 from .costs import Costs, measure_costs, read_costs, write_costs
 from .frames import BlockResult, FrameBlock, evaluate_block, load_block
 from .networks.maps import map_hash
-from .picture_metrics import lpips_weights
 from .strategies import strategies_in_use
 from .tracks import camera_track
 
@@ -48,7 +47,6 @@ class SceneResult:
 
 def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[list[SceneResult]]:
     """Evaluate all strategies on octree files by name of the scene; existing parts in `out` are skipped."""
-    lpips_weights(settings.lpips)  # raises before the long work
     strategies = strategies_in_use(settings.maps, settings.networks)
     scenes = yield from prepare(octrees, settings, out)
     yield from _run([block for blocks in scenes.values() for block in blocks], settings.processes or usable_cores())
@@ -94,11 +92,10 @@ def evaluate_part(
 def _key(settings: EvaluationSettings, octree: str, weights: str) -> str:
     """Hash of the dependencies of a frame's errors: settings, files, and code."""
     code = source_hash("training.evaluation.frames", "training.evaluation.tracks")
-    kept = replace(settings, processes=None, weights=None, maps=(), networks=(), lpips=None)
-    lpips = [hashlib.sha256(path.read_bytes()).hexdigest() for path in settings.lpips or ()]
+    kept = replace(settings, processes=None, weights=None, maps=(), networks=())
     maps = [map_hash(path) for path in settings.maps]
     networks = [(network.name, network.hash) for network in settings.networks]  # costs are stored by name
-    return hashlib.sha256(repr((kept, octree, weights, lpips, maps, networks, SIDES, code)).encode()).hexdigest()[:32]
+    return hashlib.sha256(repr((kept, octree, weights, maps, networks, SIDES, code)).encode()).hexdigest()[:32]
 
 
 def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:

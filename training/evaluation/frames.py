@@ -25,7 +25,7 @@ from ...patchnet_addon.tracing.camera import Camera
 from . import kept_arrays
 from .codes import EvaluationSettings, SceneCodes, scene_codes
 from .curves import BUDGETS, frame_errors, frame_orders
-from .picture_metrics import lpips_weights, quality_of
+from .picture_metrics import quality_of
 from .strategies import strategies_in_use
 
 KIND = "frames"
@@ -96,7 +96,7 @@ def evaluate_block(block: FrameBlock) -> None:
             orders = frame_orders(buffers, scores)
             left = frame_errors(buffers, orders)
             # FLIP takes twice as long as the rest of a frame: only the first frame of a block is measured.
-            quality = quality_of(buffers, orders, lpips_weights(block.settings.lpips), flips=number == 0)
+            quality = quality_of(buffers, orders, flips=number == 0)
             prediction = buffers.prediction
             ahead = 0 if prediction is None else int(np.count_nonzero(prediction.look_ahead & buffers.hit))
             uniform = [drain(uniform_error(coded.octree, camera, buffers, side)) for side in SIDES]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Picture metrics at budgets, SSIM, MS-SSIM, FLIP and LPIPS, for the main strategies (methods 5, 7.1).
+"""Picture metrics at budgets, SSIM, MS-SSIM and FLIP, for the main strategies (methods 5, 7.1).
 
 Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to structural similarity", IEEE TIP
 13, 2004; Wang, Simoncelli, Bovik, "Multiscale structural similarity for image quality assessment", Asilomar 2003.
@@ -8,25 +8,21 @@ Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibilit
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from ...patchnet_addon.image.comparison import clamped, flip
 from ...patchnet_addon.image.tone import srgb_encode
-from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.refine import refined_mask, refined_picture
-from .lpips import LpipsWeights, lpips
 
 QUALITY_STRATEGIES = (
     "patchnet-plus", "patchnet-plus-1", "patchnet-plus-0", "patchnet", "patchnet-behind", "fusion", "ss-variance",
     "ss-variance-hits", "fine-ray", "fine-rays-4", "random", "optimal",
 )  # fmt: skip
 QUALITY_BUDGETS = (0.0, 0.1, 0.3, 0.5)
-_METRICS = ("ssim", "ssim_active", "ms_ssim", "flip", "lpips")
+_METRICS = ("ssim", "ssim_active", "ms_ssim", "flip")
 QUALITY_NAMES = tuple(f"{name} {encoding}" for encoding in ("linear", "srgb") for name in _METRICS)
 REACH_PX = 5  # of the window of SSIM, 11 x 11 pixels
 SIDE_PX = 2 * REACH_PX + 1
@@ -35,9 +31,7 @@ C1, C2 = 0.01**2, 0.03**2  # (K1 L)^2 and (K2 L)^2 for the data range L = 1
 SCALE_WEIGHTS = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)
 
 
-def quality_of(
-    buffers: PixelBuffers, orders: Mapping[str, np.ndarray], weights: LpipsWeights | None, *, flips: bool = True
-) -> np.ndarray:
+def quality_of(buffers: PixelBuffers, orders: Mapping[str, np.ndarray], *, flips: bool = True) -> np.ndarray:
     """(Q, B, M) float64 of QUALITY_STRATEGIES, QUALITY_BUDGETS, QUALITY_NAMES; NaN for missing metrics.
 
     flips: also compute FLIP, which is slower than all others together.
@@ -49,7 +43,7 @@ def quality_of(
     # At budget 0 all strategies show the same picture.
     pictures = [composed_pictures(buffers, orders[QUALITY_STRATEGIES[rows[0]]], [0.0])]
     pictures += [composed_pictures(buffers, orders[QUALITY_STRATEGIES[row]], QUALITY_BUDGETS[1:]) for row in rows]
-    found = picture_metrics(buffers, np.concatenate(pictures), weights, flips=flips)
+    found = picture_metrics(buffers, np.concatenate(pictures), flips=flips)
     quality[rows, 0] = found[0]
     quality[rows, 1:] = found[1:].reshape(len(rows), -1, len(QUALITY_NAMES))
     return quality
@@ -66,13 +60,11 @@ def composed_pictures(buffers: PixelBuffers, order: np.ndarray, budgets: Sequenc
     return np.array(pictures, np.float32).reshape(len(budgets), buffers.height, buffers.width)
 
 
-def picture_metrics(
-    buffers: PixelBuffers, pictures: np.ndarray, weights: LpipsWeights | None = None, *, flips: bool = True
-) -> np.ndarray:
+def picture_metrics(buffers: PixelBuffers, pictures: np.ndarray, *, flips: bool = True) -> np.ndarray:
     """(N, M) float64, QUALITY_NAMES of pictures (N, H, W) of linear luminance, linear and sRGB-encoded.
 
-    ssim_active is the mean of SSIM's map over active pixels. NaN: lpips without weights; flip of linear luminance,
-    since it expects encoded values, and without flip-evaluator. Raises SettingError as `lpips`.
+    ssim_active is the mean of SSIM's map over active pixels. NaN: flip of linear luminance, since it expects
+    encoded values, and without flip-evaluator.
     """
     assert buffers.reference is not None
     pictures, reference = clamped(pictures), clamped(buffers.picture(buffers.reference))
@@ -84,20 +76,8 @@ def picture_metrics(
         encoded, wanted = encode(pictures), encode(reference)
         found = structure_of(encoded, wanted)
         in_active = found.similarity[:, active].mean(axis=1) if active.any() else unknown
-        perceived = unknown if weights is None else lpips(weights, encoded, wanted)
-        columns += [found.ssim, in_active, found.ms_ssim, flipped, perceived]
+        columns += [found.ssim, in_active, found.ms_ssim, flipped]
     return np.stack(columns, axis=1)
-
-
-@lru_cache(maxsize=1)
-def lpips_weights(files: tuple[Path, Path] | None) -> LpipsWeights | None:
-    """Weights of LPIPS from the files of its trunk and its heads; None without them. Raises SettingError."""
-    if files is None:
-        return None
-    for path in files:
-        if not path.is_file():
-            raise SettingError(f"File {path} with weights of LPIPS does not exist: check --lpips")
-    return LpipsWeights.load(*files)
 
 
 class Structure(NamedTuple):

@@ -41,10 +41,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_track(parser)
     parser.add_argument("--weights", type=Path, help="weights file (the shipped one)")
     parser.add_argument(
-        "--lpips", type=Path, nargs=2, metavar=("TRUNK", "HEADS"), help="weight files of LPIPS: AlexNet as torchvision "
-        "saves it, and the linear heads of version 0.1; without them LPIPS is left out",
-    )  # fmt: skip
-    parser.add_argument(
         "--maps", type=Path, nargs="+", default=(), metavar="FILE", help="weights files of train-maps, to "
         "evaluate as well",
     )  # fmt: skip
@@ -79,15 +75,14 @@ def run(args: argparse.Namespace) -> int:
         seed=args.seed,
         weights=args.weights,
         processes=args.processes,
-        lpips=None if args.lpips is None else tuple(args.lpips),
         maps=tuple(args.maps),
         networks=patch_networks(args.networks, load_weights(args.weights).lookahead),
     )
     if not args.scenes.strip(", ") and not args.octrees:
         raise SettingError("There is nothing to evaluate: name --scenes, or octree files")
-    require([*(() if args.prepare or args.part else REPORTS), *(["torch"] if args.maps or args.lpips else [])])
+    require([*(() if args.prepare or args.part else REPORTS), *(["torch"] if args.maps else [])])
     check_octrees(args.octrees)
-    inputs = [*args.octrees, *args.maps, *(args.lpips or ()), *filter(None, [args.weights])]
+    inputs = [*args.octrees, *args.maps, *filter(None, [args.weights])]
     inputs += [path for _, path in args.networks]
     check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, inputs, folder=args.out)
     args.out.mkdir(parents=True, exist_ok=True)
