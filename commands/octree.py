@@ -66,7 +66,6 @@ def run(args: argparse.Namespace) -> int:
     clock = StageClock()
     with clock.stage("start"):
         require_blender()
-    from ..operators.pipeline.kernels_beside import compiling_beside
     from ..operators.pipeline.lit_octree import build_lit_octree
     from ..operators.scene.render_geometry import hide_from_renders
     from ..patchnet_addon.octree.file import save_octree
@@ -87,8 +86,7 @@ def run(args: argparse.Namespace) -> int:
     make_parent(args.out)
     import bpy
 
-    # A first octree is usually followed by pictures.
-    with compiling_beside(calls_them=False), quiet_stdout():
+    with quiet_stdout():
         made = drain(build_lit_octree(bpy.context, settings, clock, overrides), progress_lines())
     with clock.stage("save"):
         save_octree(made.octree, args.out)

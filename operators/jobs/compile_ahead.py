@@ -20,10 +20,10 @@ from typing import IO
 
 import bpy
 
+from ...patchnet_addon.runtime.cache_folder import user_cache_folder
 from ...patchnet_addon.runtime.compiling import NOTE
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import computed
-from ..pipeline.kernels_beside import start_compiler
 from ..properties.preferences import ROOT_PACKAGE
 
 SCRIPT = Path(__file__).with_name("small_jobs.py")  # that the other Blender runs
@@ -84,4 +84,8 @@ def start_other_blender(said: IO[bytes]) -> subprocess.Popen[bytes]:
     """Start a Blender with factory settings, in which small jobs compile missing kernels."""
     words = [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1"]
     words += ["--python", str(SCRIPT), "--", ROOT_PACKAGE, str(Path(__file__).parents[2]), *sys.path]
-    return start_compiler(words, said, PATCHNET_KEEP="0")
+    environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder()), "PATCHNET_KEEP": "0"}
+    flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal opens on Windows
+    return subprocess.Popen(
+        words, stdin=subprocess.DEVNULL, stdout=said, stderr=said, env=environment, creationflags=flags
+    )

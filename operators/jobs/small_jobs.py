@@ -11,10 +11,24 @@ import importlib
 import sys
 import tempfile
 from pathlib import Path
+from types import ModuleType
 
 import bpy
 
 SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 5, "max_samples": 2, "size": (24, 16)}
+
+
+def import_package(name: str, folder: str, search_path: list[str]) -> ModuleType:
+    """Import the extension under its name, though its repository is not among any preferences."""
+    sys.path += [entry for entry in search_path if entry not in sys.path]
+    *parents, _ = name.split(".")
+    for count in range(1, len(parents) + 1):
+        parent = ModuleType(".".join(parents[:count]))
+        parent.__path__ = []
+        sys.modules[parent.__name__] = parent
+    if parents:
+        parent.__path__ = [str(Path(folder).parent)]
+    return importlib.import_module(name)
 
 
 def add_foliage() -> None:
@@ -45,8 +59,6 @@ def render() -> None:
 
 def main(name: str, folder: str, *search_path: str) -> None:
     """Run the jobs."""
-    sys.path.append(str(Path(folder) / "operators" / "pipeline"))
-    import_package = importlib.import_module("call_kernels").import_package
     import_package(name, folder, list(search_path)).register()
     add_foliage()
     for color in (False, True):

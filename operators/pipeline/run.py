@@ -36,7 +36,6 @@ from ..state.scene_state import SceneState
 from .cycles_pictures import save_cycles
 from .cycles_refine import CyclesView, refine_view
 from .job_work import JobPlan
-from .kernels_beside import compiling_beside
 from .lit_octree import (
     LitOctree,
     OctreeOverrides,
@@ -112,7 +111,7 @@ def run_job(
     wanted = settings.view
     files, inputs = job_files(folders.values(), wanted.cycles, reference=wanted.has_reference), job_inputs(settings)
     output = output_folder(settings.out, files, inputs) if settings.out else nullcontext()
-    with compiling_beside(), output as folder:
+    with output as folder:
         plan = JobPlan(settings)
         job = _Job(context, settings, load_network(settings.network), plan, meanwhile, early)
         result = yield from plan.timed(_compute(job, before))

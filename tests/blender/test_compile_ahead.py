@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compile kernels in another process, before the first job of a window or beside a job."""
+"""Compile kernels in another process, before the first job of a window."""
 
 import subprocess
 import sys
@@ -10,12 +10,8 @@ from typing import IO
 
 import pytest
 
-import patchnet
 from patchnet.operators.jobs import compile_ahead as ahead
 from patchnet.operators.jobs.compile_ahead import compiled_ahead
-from patchnet.operators.pipeline import kernels_beside
-from patchnet.patchnet_addon.runtime import kernels
-from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
 
 
@@ -71,44 +67,3 @@ def test_stopping_ends_the_other_process(folder: Path, other: Callable[[str], Si
     drained = other("pass")
     drain(compiled_ahead())
     assert len(drained.processes) == 1, "the next job goes on"
-
-
-@pytest.fixture
-def second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """A process that sleeps in the place of the second Python; the mark, and what was started."""
-    started = SimpleNamespace(mark=tmp_path / "pictures", processes=[])
-
-    def start() -> subprocess.Popen[bytes]:
-        started.processes.append(subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"]))
-        return started.processes[-1]
-
-    monkeypatch.setattr(kernels, "compiled_mark", lambda *_: started.mark)
-    monkeypatch.setattr(kernels_beside, "start_second_python", start)
-    monkeypatch.setattr(kernels_beside, "usable_cores", lambda: 2)
-    return started
-
-
-def test_beside_a_job_once_on_a_machine(second: SimpleNamespace) -> None:
-    for _ in range(2):
-        with kernels_beside.compiling_beside():
-            assert [process.poll() for process in second.processes[1:]] == []
-    assert len(second.processes) == 1 and second.processes[0].poll() is not None and second.mark.exists()
-
-
-def test_beside_a_job_that_calls_none_of_them(second: SimpleNamespace) -> None:
-    with kernels_beside.compiling_beside(calls_them=False):
-        pass
-    assert second.processes[0].poll() is not None and not second.mark.exists(), "it was not done"
-    with kernels_beside.compiling_beside(calls_them=False):
-        second.processes[1].kill()
-        second.processes[1].wait()
-    assert not second.mark.exists(), "it failed"
-    with pytest.raises(SceneError), kernels_beside.compiling_beside():
-        raise SceneError("nothing to see")
-    assert not second.mark.exists() and all(process.poll() is not None for process in second.processes)
-
-
-def test_the_second_python_calls_the_kernels() -> None:
-    words = [sys.executable, kernels_beside.SCRIPT, "patchnet", Path(patchnet.__file__).parent, *sys.path]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=600)
-    assert done.returncode == 0, done.stderr

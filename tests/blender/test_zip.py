@@ -12,8 +12,7 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-# Both start Blender's own program or Python, to compile kernels.
-STARTERS = {"operators/jobs/compile_ahead.py", "operators/pipeline/kernels_beside.py"}
+STARTERS = {"operators/jobs/compile_ahead.py"}  # starts Blender's own program, to compile kernels
 WHEELS = [f"{name}-1-cp313-cp313-win_amd64.whl" for name in ("llvmlite", "numba")]
 
 

@@ -46,8 +46,8 @@ class EvaluationSettings:
     """Settings of an evaluation.
 
     frames: of each whole track. every: distance of evaluated frames. size_px: of the pictures. weights: file, None for
-    the shipped ones. processes: None for one per core. maps: weights files of map networks to evaluate as well, networks:
-    further networks of the kind of `weights`.
+    the shipped ones. processes: None for one per core. maps: weights files of map networks to evaluate as well.
+    networks: further networks of the kind of `weights`.
     """
 
     frames: int = 2000
