@@ -49,7 +49,7 @@ def test_help_of_every_sub_command(name: str, capsys: pytest.CaptureFixture[str]
     "argv",
     [
         ["nonsense"], [], ["--nonsense"], ["run", "a.blend", "--scope", "some"], ["bench", "nothing"],
-        ["lab", "evaluate", "--part", "3/2", "--out", "x"], ["lab", "train", "x", "--out", "y", "--network", "deep"],
+        ["lab", "train", "x", "--out", "y", "--network", "deep"],
     ],
 )  # fmt: skip
 def test_wrong_words_are_one_sentence_and_exit_2(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:

@@ -58,7 +58,7 @@ def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Pat
 
 
 def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[dict[str, list[FrameBlock]]]:
-    """Encode octrees and create their tracks, so that several machines can continue; blocks of frames by scene."""
+    """Encode octrees and create their tracks; blocks of frames by scene."""
     weights = load_weights(settings.weights)
     scenes = {}
     for name, path in octrees.items():
@@ -74,19 +74,6 @@ def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path
             for first in range(0, len(cameras), _BLOCK)
         ]
     return scenes
-
-
-def evaluate_part(
-    octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path, part: int, parts: int
-) -> Steps[int]:
-    """Evaluate every `parts`-th block of frames from the `part`-th on, counted from 1; returns their number.
-
-    Machines that share `out` may run this at the same time; `evaluate` then reads their results.
-    """
-    scenes = yield from prepare(octrees, settings, out)
-    mine = [block for blocks in scenes.values() for block in blocks][part - 1 :: parts]
-    yield from _run(mine, settings.processes or usable_cores())
-    return len(mine)
 
 
 def _key(settings: EvaluationSettings, octree: str, weights: str) -> str:

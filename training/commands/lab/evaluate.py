@@ -49,13 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "evaluated as well, as pn-NAME and pn-NAME-behind; NAME is the scene that was trained on, or without-SCENE",
     )  # fmt: skip
     add_number(parser, "--processes", bounds.THREADS, "processes of one thread each (one for each core)")
-    share = parser.add_mutually_exclusive_group()
-    share.add_argument(
-        "--prepare", action="store_true", help="only create octrees and codes, before several machines run --part"
-    )
-    share.add_argument(
-        "--part", type=_part, metavar="K/N", help="only evaluate the K-th of N shares of the frames, without results"
-    )
+    parser.add_argument("--prepare", action="store_true", help="only create octrees and codes")
     add_out(parser, "folder for results, tables and figures", required=True)
 
 
@@ -65,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     from ...encoders import load_weights
     from ...evaluation import REPORTS, require
     from ...evaluation.codes import EvaluationSettings
-    from ...evaluation.evaluate import evaluate, evaluate_part, prepare
+    from ...evaluation.evaluate import evaluate, prepare
     from ...evaluation.strategies import patch_networks
 
     settings = EvaluationSettings(
@@ -80,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     )
     if not args.scenes.strip(", ") and not args.octrees:
         raise SettingError("There is nothing to evaluate: name --scenes, or octree files")
-    require([*(() if args.prepare or args.part else REPORTS), *(["torch"] if args.maps else [])])
+    require([*(() if args.prepare else REPORTS), *(["torch"] if args.maps else [])])
     check_octrees(args.octrees)
     inputs = [*args.octrees, *args.maps, *filter(None, [args.weights])]
     inputs += [path for _, path in args.networks]
@@ -91,10 +85,6 @@ def run(args: argparse.Namespace) -> int:
     if args.prepare:
         drain(prepare(octrees, settings, args.out), show)
         say_result(f"{args.out}: prepared {counted(len(octrees), 'scene')}", file=args.out, scenes=len(octrees))
-        return 0
-    if args.part is not None:
-        count = drain(evaluate_part(octrees, settings, args.out, *args.part), show)
-        say_result(f"{args.out}: finished {counted(count, 'block')} of frames", file=args.out, blocks=count)
         return 0
     scenes = drain(evaluate(octrees, settings, args.out), show)
     _write_results(args, settings, scenes)
@@ -115,14 +105,6 @@ def _write_results(args: argparse.Namespace, settings: EvaluationSettings, scene
     _write(args.out / TABLES, markdown_of(tables_of(results)))
     _write(args.out / RESULTS, json.dumps(results, indent=1, allow_nan=False))
     _draw(args.out / FIGURES, results)
-
-
-def _part(text: str) -> tuple[int, int]:
-    """Parse "2/8" as the second of eight shares."""
-    part, slash, parts = text.partition("/")
-    if not (slash and part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a share such as 2/8, the second of eight")
-    return int(part), int(parts)
 
 
 def _octrees(args: argparse.Namespace) -> dict[str, Path]:
