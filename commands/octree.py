@@ -12,7 +12,6 @@ from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .shared.arguments import add_number, add_out, is_given
-from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
 from .shared.job_arguments import add_settings, depth_of, given_settings, require_blender
 from .shared.lines import make_parent, say_exposure, say_note, say_result
 from .shared.quiet import quiet_stdout
@@ -53,8 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="leave out what lies beyond a plane across x, y or z, at a share (0 to 1) of the scene's extent; baked "
         "light stays that of the whole scene",
     )  # fmt: skip
-    add_frames(parser)
-    add_out(parser, "octree file to write; with --frames, a folder", required=True)
+    add_out(parser, "octree file to write", required=True)
     parser.add_argument(
         "--timings", action="store_true", help="print a line of JSON at the end: seconds of each stage, and peak memory"
     )
@@ -81,8 +79,6 @@ def run(args: argparse.Namespace) -> int:
     settings, overrides = _settings(args), _overrides(args)
     for text in hide_from_renders(_without(args)):
         say_note(f"--without {text}: no object, and nothing above one, has a name with it")
-    if args.frames is not None:
-        return _run_frames(args, settings, overrides)
     make_parent(args.out)
     import bpy
 
@@ -98,16 +94,6 @@ def run(args: argparse.Namespace) -> int:
     say_result(text, file=args.out, depth=octree.depth, leaves=octree.leaf_count)
     if args.timings:
         print(json.dumps({"stages": clock.seconds, "peak_bytes": peak_bytes()}))
-    return 0
-
-
-def _run_frames(args: argparse.Namespace, settings: JobSettings, overrides: OctreeOverrides) -> int:
-    from ..operators.animation.frame_maker import OctreeMaker
-    from ..operators.scene.render_geometry import keep_hidden
-
-    keep_hidden(_without(args))
-    maker = OctreeMaker(settings, overrides, repr((args.rotate, args.without, args.bisect, args.view, args.size)))
-    print_frames(bake_with_bars(args, maker, args.out), args.out)
     return 0
 
 
@@ -136,22 +122,15 @@ def _overrides(args: argparse.Namespace) -> OctreeOverrides:
 def check_out(args: argparse.Namespace) -> None:
     """Raise OutputError if --out cannot be written, or would replace a file of the scene."""
     from ..operators.pipeline.output_files import scene_inputs
-    from ..operators.pipeline.reports import REPORT_NAME
-    from ..patchnet_addon.runtime.file_kinds import OCTREE, REPORT
+    from ..patchnet_addon.runtime.file_kinds import OCTREE
     from ..patchnet_addon.runtime.outputs import check_outputs
 
     given = [] if args.scene is None or str(args.scene) in OWN else [args.scene]
-    inputs, folder = [*scene_inputs(), *given], None if args.frames is None else args.out
-    check_outputs({args.out: OCTREE} if folder is None else {folder / REPORT_NAME: REPORT}, inputs, folder=folder)
+    check_outputs({args.out: OCTREE}, [*scene_inputs(), *given])
 
 
 def _check(args: argparse.Namespace) -> None:
     """Raise SettingError for conflicting settings."""
-    check_frames(args)
-    if args.frames is not None and args.timings:
-        raise SettingError("--timings needs a single octree: omit it with --frames")
-    if args.same_grid and args.rotate:
-        raise SettingError("--same-grid and --rotate exclude each other: omit one of them")
     if _bisect(args) is not None and (args.rotate or args.depth == AUTO):
         other = "--rotate" if args.rotate else f"--depth {AUTO}"
         raise SettingError(f"--bisect and {other} exclude each other: omit one of them")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..patchnet_addon.runtime.quantities import counted, error_text
 from .shared.arguments import add_out
-from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
+from .shared.frames import add_frames, bake_with_lines, check_frames, print_frames
 from .shared.job_arguments import add_job_arguments, job_settings, require_blender
 from .shared.lines import say_exposure, say_note, say_result
 from .shared.scene_argument import add_scene, open_given, scene_path
@@ -57,7 +57,7 @@ def _run_frames(args: argparse.Namespace, settings: JobSettings) -> int:
     from ..operators.animation.frame_maker import JobMaker
 
     assert settings.out is not None
-    print_frames(bake_with_bars(args, JobMaker(settings), settings.out), settings.out)
+    print_frames(bake_with_lines(args, JobMaker(settings), settings.out), settings.out)
     return 0
 
 

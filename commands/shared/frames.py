@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frame arguments (`--frames`) of `patchnet run` and `patchnet octree`."""
+"""Frame arguments (`--frames`) of `patchnet run`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .lines import say_note, say_result
 
 if TYPE_CHECKING:
     from ...operators.animation.animation import AnimationResult
-    from ...operators.animation.frame_maker import OctreeMaker
+    from ...operators.animation.frame_maker import JobMaker
 
 
 def add_frames(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +38,7 @@ def check_frames(args: argparse.Namespace) -> None:
         raise SettingError(f"--{'overwrite' if args.overwrite else 'same-grid'} requires --frames: add it")
 
 
-def bake_with_bars(args: argparse.Namespace, maker: OctreeMaker, out: Path) -> AnimationResult:
+def bake_with_lines(args: argparse.Namespace, maker: JobMaker, out: Path) -> AnimationResult:
     """Bake frames of the open scene with progress lines on stderr."""
     import bpy
 

@@ -30,7 +30,7 @@ from ..settings.groups import Bounds
 from .frame_maker import (
     RECORD_NAME,
     FrameRecord,
-    OctreeMaker,
+    JobMaker,
     SharedSettings,
     content_key,
     frame_folder,
@@ -92,7 +92,7 @@ class AnimationResult:
         return f"{counted(len(self.made), 'frame')} made{shared}{there}"
 
 
-def bake_frames(context: bpy.types.Context, maker: OctreeMaker, plan: FramePlan) -> Steps[AnimationResult]:
+def bake_frames(context: bpy.types.Context, maker: JobMaker, plan: FramePlan) -> Steps[AnimationResult]:
     """Make the missing frames; each is freed before the next.
 
     Afterwards, the scene's frame is restored; finished frames stay. Raises PatchNetError that names the frame.
@@ -128,7 +128,7 @@ class _Animation:
     pictures. Finished frames keep their reference.
     """
 
-    def __init__(self, context: bpy.types.Context, maker: OctreeMaker, plan: FramePlan, common: SharedSettings) -> None:
+    def __init__(self, context: bpy.types.Context, maker: JobMaker, plan: FramePlan, common: SharedSettings) -> None:
         self._context, self._maker, self._plan, self._common = context, maker, plan, common
         self._reference: int | None = None
         self._summaries: dict[int, dict[str, Any]] = {}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Makers of the files of one frame, by the whole job or an octree alone, shared settings, and records of frames."""
+"""Maker of the files of one frame by the whole job, shared settings, and records of frames."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from typing import Any
 
 import bpy
 
-from ...patchnet_addon.runtime.file_kinds import OCTREE, FileKind
+from ...patchnet_addon.runtime.file_kinds import FileKind
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.report import has_errors
 from ..importance.pixels import importance_key
-from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree, cameras_key
-from ..pipeline.output_files import OCTREE_NAME, job_files, job_inputs, scene_inputs, view_folders
+from ..pipeline.lit_octree import cameras_key
+from ..pipeline.output_files import job_files, job_inputs, view_folders
 from ..pipeline.run import Before, JobResult, run_job, write_result
 from ..pipeline.stages import load_network
 from ..pipeline.voxels_key import code_hash, surface_key, voxels_key
@@ -90,79 +89,40 @@ class SharedSettings:
     track: str = ""
 
 
-class OctreeMaker:
-    """Maker of lit octrees, by settings and overrides; the scene is at the frame when a method is called.
-
-    wanted: all inputs of the overrides, as text. scope: of objects. exposure: as given, None for automatic. bakes:
-    whether Cycles computes the light.
-    """
-
-    def __init__(self, settings: JobSettings, overrides: OctreeOverrides, wanted: str) -> None:
-        self._settings, self._overrides, self._wanted = settings, overrides, wanted
-        self.scope, self.exposure, self.bakes = settings.surface.scope, settings.light.exposure, settings.light.is_baked
-
-    def track(self, context: bpy.types.Context) -> str:
-        """Key of the cameras of all frames that voxels are fitted to, "" for those of each frame."""
-        return ""
-
-    def settings_text(self, common: SharedSettings) -> str:
-        """Text of all settings that the files depend on."""
-        return f"{self._of_frame(common)!r} {self._wanted}"
-
-    def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
-        """Kind of each file of any frame, by its path in the frame's folder; raises SceneError."""
-        return {OCTREE_NAME: OCTREE}
-
-    def inputs(self) -> list[Path]:
-        """Input files, which are never replaced."""
-        return list(scene_inputs())
-
-    def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
-        """Write the frame's files into `folder`; return its summary, with "exposure" and "warnings"."""
-        from ...patchnet_addon.octree.file import save_octree
-        from ...patchnet_addon.tracing.empty_view import why_unseen_by
-
-        made = yield from build_lit_octree(context, self._of_frame(common), StageClock(), self._overrides)
-        save_octree(made.octree, folder / OCTREE_NAME)
-        octree = made.octree
-        figures = {
-            "depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count, "bytes": octree.nbytes,
-        }  # fmt: skip
-        fitted_to = self._overrides.cameras if made.layout is not None else None
-        unseen = [] if fitted_to is None else why_unseen_by(octree, fitted_to())
-        return {"exposure": octree.exposure, "octree": figures, "views": [], "warnings": [*made.warnings, *unseen]}
-
-    def _of_frame(self, common: SharedSettings) -> JobSettings:
-        return self._settings.changed(exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)
-
-
-class JobMaker(OctreeMaker):
-    """Maker of frames by the whole job, as `patchnet run`.
+class JobMaker:
+    """Maker of frames by the whole job, as `patchnet run`; the scene is at the frame when a method is called.
 
     A frame with the surface and light of the last one has its voxels, or of the one that most frames had so far.
+
+    scope: of objects. exposure: as given, None for automatic. bakes: whether Cycles computes the light.
     """
 
     def __init__(self, settings: JobSettings) -> None:
         """Load the weights; raises WeightsFileError."""
         weights, painted = load_network(settings.network), importance_key(settings.view.importance)
-        super().__init__(replace(settings, out=None), OctreeOverrides(), f"{weights.whole_hash} {painted}")
+        self._settings, self._wanted = replace(settings, out=None), f"{weights.whole_hash} {painted}"
+        self.scope, self.exposure, self.bakes = settings.surface.scope, settings.light.exposure, settings.light.is_baked
         self._kept: list[_Made] = []
 
     def track(self, context: bpy.types.Context) -> str:
-        """Key of the cameras of all frames, with All Frames."""
+        """Key of the cameras of all frames that voxels are fitted to, "" for those of each frame."""
         settings = self._settings
         fixed = not settings.surface.track or list(settings.view.cameras) == [AUTO]
         return "" if fixed else cameras_key(context, settings)
 
     def _of_frame(self, common: SharedSettings) -> JobSettings:
-        return super()._of_frame(common).changed(track=bool(common.track))
+        shared = {"exposure": common.exposure, "daylight": common.daylight, "bounds": common.bounds}
+        return self._settings.changed(**shared, track=bool(common.track))
 
     def settings_text(self, common: SharedSettings) -> str:
-        """Text of the job's settings, with weights, their estimator and importance by their contents."""
+        """Text of all settings that the files depend on; weights and importance by their contents."""
         return f"{self._of_frame(common).changed(weights=None)!r} {self._wanted} {common.track}"
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
-        """Pictures of the named cameras, or of all cameras that are active at some frame."""
+        """Kind of each file of any frame, by its path in the frame's folder; raises SceneError.
+
+        Pictures are of the named cameras, or of all cameras that are active at some frame.
+        """
         wanted, scene = self._settings.view, context.scene
         active = [scene.camera, *(marker.camera for marker in scene.timeline_markers)]
         names = [name for camera in active if (name := camera_name(scene, camera))]
@@ -170,11 +130,11 @@ class JobMaker(OctreeMaker):
         return job_files(folders, wanted.cycles, reference=wanted.has_reference)
 
     def inputs(self) -> list[Path]:
-        """Input files, with weights and a painted mask."""
+        """Input files, which are never replaced."""
         return job_inputs(self._settings)
 
     def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
-        """Octree, codes, pictures and report."""
+        """Write the frame's files into `folder`; return its summary, with "exposure" and "warnings"."""
         graph, settings = context.evaluated_depsgraph_get(), self._of_frame(common)
         wanted = settings.changed(exposure=self.exposure)
         cameras = common.track or cameras_key(context, wanted)

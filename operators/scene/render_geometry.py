@@ -27,12 +27,6 @@ def hide_from_renders(texts: Sequence[str]) -> list[str]:
     return sorted(unused)
 
 
-def keep_hidden(texts: Sequence[str]) -> None:
-    """Hide them again after each frame change, since animation may show them."""
-    if texts:
-        bpy.app.handlers.frame_change_post.append(lambda *_: hide_from_renders(texts))
-
-
 _WITHOUT_SURFACE = ("LIGHT", "LIGHT_PROBE", "CAMERA")
 _OF_VIEWPORTS = ("hide_viewport", ".show_viewport", ".levels", ".viewport_resolution")  # of objects, of modifiers
 

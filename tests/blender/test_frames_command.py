@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`--frames` of `patchnet run` and `patchnet octree`; a killed command resumes at the first missing frame."""
+"""`--frames` of `patchnet run`; a killed command resumes at the first missing frame."""
 
 import json
 import os
@@ -49,23 +49,14 @@ def test_run(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.Cap
     assert "3 frames made;" in capsys.readouterr().out
 
 
-def test_octree(scene_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_same_grid(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
-    words = ["octree", str(scene_file), "--depth", "5", "--light", "two-lights", "--out", str(out), "--frames", "1-3"]
-    assert commands.main([*words, "--same-grid"]) == 0
-    assert "Frame 2: depth 5, " in capsys.readouterr().out
+    words = ["run", str(scene_file), "--out", str(out), "--weights", str(weights), *QUICK, "--frames", "1-3"]
+    for said in ("3 frames made;", "0 frames made, 3 were there"):
+        assert commands.main([*words, "--same-grid"]) == 0
+        assert said in capsys.readouterr().out
     trees = [load_octree(out / f"frame-000{frame}" / "octree.safetensors") for frame in (1, 2, 3)]
     assert len({tree.grid for tree in trees}) == 1 and len({tree.exposure for tree in trees}) == 1
-    assert commands.main([*words, "--same-grid"]) == 0
-    assert "0 frames made, 3 were there" in capsys.readouterr().out
-    assert commands.main([*words, "--same-grid", "--without", "lath 0"]) == 0
-    assert "3 frames made;" in capsys.readouterr().out
-    assert load_octree(out / "frame-0001" / "octree.safetensors").leaf_count < trees[0].leaf_count
-    assert commands.main([*words, "--same-grid", "--bisect", "x", "0.5"]) == 0
-    assert "3 frames made;" in capsys.readouterr().out
-    half = load_octree(out / "frame-0001" / "octree.safetensors")
-    assert half.grid == trees[0].grid and half.leaf_count < trees[0].leaf_count
-    assert half.provenance["bisect"] == ["x", "0.5"] and "scene_state" not in half.provenance
 
 
 @pytest.mark.parametrize(

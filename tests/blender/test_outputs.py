@@ -55,8 +55,7 @@ RUN = ["run", "small.blend", *QUICK]
 READ, FOREIGN, WAY = "and would be replaced", "is not replaced", "is a file, and"
 REFUSED: dict[str, tuple[list[str], str]] = {
     "octree over its scene": (["octree", "small.blend", *OCTREE, "--out", "small.blend"], READ),
-    "frames beside a report": (["octree", "small.blend", *OCTREE, "--frames", "1", "--out", "report"], FOREIGN),
-    "frames over a frame": (["octree", "small.blend", *OCTREE, "--frames", "1-2", "--out", "record"], FOREIGN),
+    "run --frames over a frame": ([*RUN, "--frames", "1-2", "--out", "record"], FOREIGN),
     "export over its octree": (["export", "octree.safetensors", "--level", "3", "--out", "octree.safetensors"], READ),
     "export over a list": (["export", "octree.safetensors", "--out", "mesh.ply"], FOREIGN),
     "run over a report": ([*RUN, "--out", "report"], FOREIGN),

@@ -12,6 +12,7 @@ import pytest
 
 from patchnet import commands
 from patchnet.patchnet_addon.network.weights import load_weights
+from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.quantities import error_text
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.blender.job_scene import QUICK, build, saved
@@ -145,6 +146,18 @@ def test_info(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.Ca
     (out / "octree.safetensors").write_bytes(content)
     assert commands.main(["info", str(out / "octree.safetensors")]) == 2
     assert_one_sentence(capsys.readouterr().err, "octree.safetensors")
+
+
+def test_octree_of_a_part(scene_file: Path, tmp_path: Path) -> None:
+    found = []
+    for words in ([], ["--without", "lath 0"], ["--bisect", "x", "0.5"]):
+        path = tmp_path / f"{len(found)}.safetensors"
+        settings = ["--depth", "5", "--light", "two-lights", *words]
+        assert commands.main(["octree", str(scene_file), "--out", str(path), *settings]) == 0
+        found.append(load_octree(path))
+    whole, without, half = found
+    assert without.leaf_count < whole.leaf_count and half.leaf_count < whole.leaf_count and half.grid == whole.grid
+    assert half.provenance["bisect"] == ["x", "0.5"] and "scene_state" not in half.provenance
 
 
 def assert_one_sentence(text: str, message: str) -> None:
