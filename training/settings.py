@@ -20,6 +20,11 @@ VALIDATION_VOXELS = 2048  # most of a data set
 SCHEDULES = ("paper", "cosine")
 ABSOLUTE, SQUARED = LOSSES = ("absolute", "squared")
 AUTO, BF16, FP32, TF32 = PRECISIONS = ("auto", "bf16", "fp32", "tf32")
+_HIGHEST_RATE = 0.016
+OF_LENGTH = "passes", "learning_rate", "warm_up"  # settings that may change when a run is extended
+_WARM_UP_SHARE = 0.1  # longest warm-up, as a share of a run
+QUICK_SAMPLES = SAMPLES // 4
+SHIPPED_PASSES, SHIPPED_WIDTH = 256_000_000, 128  # of the shipped weights and their encoder, see shipped_weights.sh
 
 
 @dataclass(frozen=True)
@@ -103,9 +108,6 @@ IMPROVED = TrainSettings(
     loss=SQUARED,
 )
 _FULL_RUN = IMPROVED.passes // IMPROVED.batch  # steps of the preset's learning rate
-_HIGHEST_RATE = 0.016
-OF_LENGTH = "passes", "learning_rate", "warm_up"  # settings that may change when a run is extended
-_WARM_UP_SHARE = 0.1  # longest warm-up, as a share of a run
 
 
 def of_length(settings: TrainSettings) -> TrainSettings:
@@ -119,8 +121,6 @@ def of_length(settings: TrainSettings) -> TrainSettings:
     return replace(settings, learning_rate=rate, warm_up=min(IMPROVED.warm_up, int(_WARM_UP_SHARE * steps)))
 
 
-QUICK_SAMPLES = SAMPLES // 4
-SHIPPED_PASSES, SHIPPED_WIDTH = 256_000_000, 128  # of the shipped weights and their encoder, see shipped_weights.sh
 PRESETS = {"quick": of_length(replace(IMPROVED, passes=8 * QUICK_SAMPLES)), "paper": PAPER, "improved": IMPROVED}
 
 

@@ -13,6 +13,8 @@ from ...patchnet_addon.network.devices import AUTO, read_device
 from ...patchnet_addon.runtime.bounds import Bounds
 from ...patchnet_addon.runtime.errors import OutputError
 
+_PACKAGES = ("bpy", "numpy", "numba", "torch")
+
 
 def add_number(
     parser: argparse._ActionsContainer, flag: str, bounds: Bounds, text: str, default: Any = None, **others: Any
@@ -50,9 +52,6 @@ def _output(text: str) -> Path:
     if not text.strip():
         raise OutputError("--out is empty: give the path of the output, or . for the working folder")
     return Path(text)
-
-
-_PACKAGES = ("bpy", "numpy", "numba", "torch")
 
 
 def add_version(parser: argparse.ArgumentParser) -> None:

@@ -11,16 +11,15 @@ from contextlib import contextmanager
 
 from ...patchnet_addon.runtime.streams import diverted
 
+# Irrelevant lines: a missing /etc/mtab in containers; the path of the color configuration in 5.3.
+_OF_NO_CONCERN = (b"mounted file-systems", b"color_management | Using config")
+
 
 @contextmanager
 def quiet_stdout() -> Iterator[None]:
     """Suppress stdout of the process within the block, of Python and compiled code."""
     with open(os.devnull, "wb") as nowhere, diverted(stdout=nowhere):
         yield
-
-
-# Irrelevant lines: a missing /etc/mtab in containers; the path of the color configuration in 5.3.
-_OF_NO_CONCERN = (b"mounted file-systems", b"color_management | Using config")
 
 
 @contextmanager

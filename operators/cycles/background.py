@@ -17,6 +17,9 @@ from ..schema.table import AUTO, BLACK_BACKGROUND, TRANSPARENT
 from .daylight import SKY_COLOR, SKY_STRENGTH, has_light
 from .environment import SAMPLES, world_view
 
+_UNSEEN = "Black is shown behind objects: {}"
+DAYLIGHT = np.array(SKY_COLOR, np.float32) * np.float32(SKY_STRENGTH)  # of a scene without light
+
 
 def world_color(world: bpy.types.World | None) -> np.ndarray | None:
     """Scene-linear colour (3,) float32 that cameras see of an evaluated world; None if it is not one colour."""
@@ -36,10 +39,6 @@ def world_color(world: bpy.types.World | None) -> np.ndarray | None:
         return None
     color = np.array(node.inputs["Color"].default_value[:3], np.float32)
     return color * np.float32(node.inputs["Strength"].default_value)
-
-
-_UNSEEN = "Black is shown behind objects: {}"
-DAYLIGHT = np.array(SKY_COLOR, np.float32) * np.float32(SKY_STRENGTH)  # of a scene without light
 
 
 class SeenWorld(NamedTuple):

@@ -23,18 +23,6 @@ from ...patchnet_addon.tracing.camera import Camera
 from .daylight import daylight, has_light
 from .scene_copy import prepared, render
 
-
-def render_halves(context: bpy.types.Context, camera: Camera, samples: int) -> Steps[list[Reference]]:
-    """Two renders of half the samples each, in the light of the bake; raises SceneError as `render_reference`."""
-    halves: list[Reference] = []
-    for seed in (1, 2):
-        yield Progress(len(halves), 2, "Cycles")
-        lit = has_light(context.evaluated_depsgraph_get())
-        with nullcontext() if lit else daylight(context.scene):
-            halves.append(render_reference(context, camera, samples // 2, seed))
-    return halves
-
-
 _PASSES = (
     "use_pass_combined", "use_pass_z", "use_pass_normal", "use_pass_diffuse_direct", "use_pass_diffuse_indirect",
     "use_pass_diffuse_color", "use_pass_emit",
@@ -45,6 +33,17 @@ _OTHERS = [f"use_pass_{kind}_{part}" for kind in ("glossy", "transmission", "vol
 _COLOR = ("DiffCol", "Diffuse Color")  # Blender 4.5's name of a pass, Blender 5's
 _EMISSION = ("Emit", "Emission")
 _NO_DIFFUSE = 0.02  # of diffuse colour, below which a surface is glossy or clear
+
+
+def render_halves(context: bpy.types.Context, camera: Camera, samples: int) -> Steps[list[Reference]]:
+    """Two renders of half the samples each, in the light of the bake; raises SceneError as `render_reference`."""
+    halves: list[Reference] = []
+    for seed in (1, 2):
+        yield Progress(len(halves), 2, "Cycles")
+        lit = has_light(context.evaluated_depsgraph_get())
+        with nullcontext() if lit else daylight(context.scene):
+            halves.append(render_reference(context, camera, samples // 2, seed))
+    return halves
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,6 +39,13 @@ _ONLY_CAMERA = (
 )  # fmt: skip
 _BEYOND_CLIP = 1.01  # of the clip start
 _GAP_PX, _GAP_STEPS = 1e-3, 4.0  # around holes, at least: of a pixel, and steps of float32 there
+# Work between two reports in background. In a window, Blender's job reports progress, and polls for a stop between two
+# passes over a tile, for which the tiles of Cycles are too large.
+PART_S = 1.0
+FIRST_PATHS = 50_000
+TILE_SIDE_IN_WINDOW = 256
+_LIGHTS = {DIFFUSE: baked_light, WITH_GLOSS: baked_light_with_gloss, COMBINED: combined_light}
+_INSIDE = 0.25  # of a pixel, so that borders, float32 shares of the picture, round to the right pixel
 
 
 @contextmanager
@@ -80,15 +87,6 @@ def _corners(camera: Camera, mask: np.ndarray, depth_world: float) -> np.ndarray
     y = np.stack([low, low, high, high], axis=1)[there] / height * 2.0 - 1.0 + camera.shift_y
     result: np.ndarray = np.asarray(camera.forward) * depth_world + x[..., None] * across + y[..., None] * up
     return result
-
-
-# Work between two reports in background. In a window, Blender's job reports progress, and polls for a stop between two
-# passes over a tile, for which the tiles of Cycles are too large.
-PART_S = 1.0
-FIRST_PATHS = 50_000
-TILE_SIDE_IN_WINDOW = 256
-_LIGHTS = {DIFFUSE: baked_light, WITH_GLOSS: baked_light_with_gloss, COMBINED: combined_light}
-_INSIDE = 0.25  # of a pixel, so that borders, float32 shares of the picture, round to the right pixel
 
 
 class Chosen(NamedTuple):

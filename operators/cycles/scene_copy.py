@@ -39,6 +39,8 @@ UNBIASED: dict[str, Any] = {
 }
 
 _SENSOR = 36.0  # mm
+# Status text of Cycles, equal in all languages.
+_SAMPLED = re.compile(r"(?:Rendered (\d+)/(\d+) Tiles, )?Sample (\d+)/(\d+)")
 
 
 @contextmanager
@@ -135,10 +137,6 @@ def looking_through(scene: bpy.types.Scene, camera: Camera) -> Iterator[None]:
         scene.collection.objects.link(item)
         scene.camera = item
         yield
-
-
-# Status text of Cycles, equal in all languages.
-_SAMPLED = re.compile(r"(?:Rendered (\d+)/(\d+) Tiles, )?Sample (\d+)/(\d+)")
 
 
 def render(scene: bpy.types.Scene, path: Path) -> float:

@@ -26,6 +26,11 @@ from .shaders import BITS, FLOATS, VIEW_NUMBERS, VIEW_SIZE, WORDS, Shader
 
 _TEXTURES = {1: "R32F", 2: "RG32F", 4: "RGBA32F"}
 _KINDS = {WORDS: ("UINT_2D", np.uint32, 1), FLOATS: ("FLOAT_2D", np.float32, 4)}
+_GIB = 1 << 30
+_SOFTWARE = ("llvmpipe", "lavapipe", "softpipe", "swrast", "swiftshader", "software", "basic render", "gdi generic")
+_UNTRIED = ("METAL",)
+_CHOOSE = "Viewport Device: GPU in the preferences tries it"
+_cards: WeakKeyDictionary[Octree, _Card] = WeakKeyDictionary()
 
 
 class CardError(PatchNetError):
@@ -113,12 +118,6 @@ class BlenderDevice:
         return f"{gpu.platform.renderer_get()} ({gpu.platform.backend_type_get()})"
 
 
-_GIB = 1 << 30
-_SOFTWARE = ("llvmpipe", "lavapipe", "softpipe", "swrast", "swiftshader", "software", "basic render", "gdi generic")
-_UNTRIED = ("METAL",)
-_CHOOSE = "Viewport Device: GPU in the preferences tries it"
-
-
 class _Card:
     """An octree on its way to the card.
 
@@ -165,9 +164,6 @@ class _Card:
         yield from card.upload(octree)
         yield from card.compile("picture", "film")
         self.octree = card
-
-
-_cards: WeakKeyDictionary[Octree, _Card] = WeakKeyDictionary()
 
 
 def card_of(context: bpy.types.Context, octree: Octree) -> CardOctree | None:

@@ -48,6 +48,13 @@ _HERE = (
 )
 # Inputs of the estimator as `estimate_main.glsl` makes them: of each place in the window, then of the pixel itself.
 INPUTS = [(*near, place) for place in WINDOW for near in _NEAR] + [(*here, CENTRE) for here in _HERE]
+CODED_WORDS: dict[str, Callable[[CodedOctree], np.ndarray]] = {
+    "codes": lambda coded: np.ascontiguousarray(coded.codes[:, :8]).view(np.uint32),
+    "code_ends": lambda coded: np.ascontiguousarray(coded.codes[:, 8:]).view(np.uint32),
+    "cells": lambda coded: np.ascontiguousarray(coded.corner_cells).reshape(-1, 4),
+    "corner_rows": lambda coded: coded.corner_rows.reshape(-1, 1),
+    "normals": lambda coded: np.pad(coded.octree.normal, ((0, 0), (0, 1))).view(np.uint32),
+}
 
 
 def node_words(octree: Octree) -> np.ndarray:
@@ -235,13 +242,6 @@ PIECE_WORDS: dict[str, Callable[[Pieces], np.ndarray]] = {
     "mips": lambda pieces: np.pad(pieces.textures.levels, ((0, 0), (0, 1))).astype(np.uint32),
     "chains": chain_words,
     "materials": material_words,
-}
-CODED_WORDS: dict[str, Callable[[CodedOctree], np.ndarray]] = {
-    "codes": lambda coded: np.ascontiguousarray(coded.codes[:, :8]).view(np.uint32),
-    "code_ends": lambda coded: np.ascontiguousarray(coded.codes[:, 8:]).view(np.uint32),
-    "cells": lambda coded: np.ascontiguousarray(coded.corner_cells).reshape(-1, 4),
-    "corner_rows": lambda coded: coded.corner_rows.reshape(-1, 1),
-    "normals": lambda coded: np.pad(coded.octree.normal, ((0, 0), (0, 1))).view(np.uint32),
 }
 
 

@@ -50,6 +50,7 @@ struct Estimator {{
 LAYER_BLOCKS = {f"layer_{number}": f"Layer{number}" for number in (1, 2, 3, 4)}
 
 WORDS, FLOATS = "R32UI", "RGBA32F"  # formats of images
+_OCTREE = ("nodes", "sides", "ranks")
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,6 @@ class Shader:
         """Text of all of its files."""
         return "\n".join((_FOLDER / name).read_text(encoding="utf-8") for name in self.files)
 
-
-_OCTREE = ("nodes", "sides", "ranks")
 
 HITS = Shader(
     ("tracing.glsl", "light.glsl", "hits_main.glsl"),

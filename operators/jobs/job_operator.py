@@ -41,6 +41,10 @@ if TYPE_CHECKING:
 else:
     OperatorBase = object  # Blender requires its own class among the direct bases of each operator
 
+SLICE_S = 0.05  # of work between two redraws of the window
+_TICK_S = 0.02
+_GONE = "The scene of this job was deleted or closed: open it and start again"
+
 
 def tell(operator: bpy.types.Operator, kind: str, text: str, *, logged_as: str = "", **fields: Any) -> None:
     """Report INFO, WARNING or ERROR, and log it.
@@ -64,11 +68,6 @@ def tell_notes(operator: bpy.types.Operator, notes: Iterable[str], below: str = 
 def tell_start(operator: bpy.types.Operator) -> None:
     """Log that an operator begins, with its file."""
     log.start(operator.bl_label, file=bpy.data.filepath or None)
-
-
-SLICE_S = 0.05  # of work between two redraws of the window
-_TICK_S = 0.02
-_GONE = "The scene of this job was deleted or closed: open it and start again"
 
 
 class JobOperator(OperatorBase):

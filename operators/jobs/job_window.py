@@ -13,6 +13,23 @@ from ...patchnet_addon.runtime.eta import Eta
 from ...patchnet_addon.runtime.progress import Progress
 from ...patchnet_addon.runtime.progress_log import ProgressLog
 
+_MOUSE = frozenset({"MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "WINDOW_DEACTIVATE"})
+# Editors without the scene.
+_HARMLESS_EDITORS = frozenset({"FILE_BROWSER", "IMAGE_EDITOR", "INFO", "PREFERENCES", "STATUSBAR", "TOPBAR"})
+# Keymaps that are searched, and operators in them that do not change the scene.
+_KEYMAPS = ("Window", "Screen", "3D View", "3D View Generic", "View2D", "Image", "Image Generic")
+_HARMLESS_OPERATORS = frozenset(
+    {
+        "wm.save_mainfile", "wm.save_as_mainfile", "wm.quit_blender", "wm.call_menu", "wm.search_menu",
+        "wm.context_toggle", "wm.window_fullscreen_toggle", "screen.screen_full_area", "screen.space_context_cycle",
+        "screen.workspace_cycle", "screen.screenshot", "screen.userpref_show", "render.view_show",
+    }
+)  # fmt: skip
+_LOOKING = (
+    "view3d.view_", "view3d.zoom", "view3d.rotate", "view3d.move", "view3d.dolly", "view3d.localview",
+    "view3d.toggle_shading", "view3d.ndof", "view2d.", "image.view_",
+)  # fmt: skip
+
 
 class JobDisplay:
     """Display of a job. progress: its latest report. whole: share of the job that is done, None while it is unknown.
@@ -63,24 +80,6 @@ def _redraw(context: bpy.types.Context, *kinds: str) -> None:
         for region in area.regions:
             if not kinds or region.type in kinds:
                 region.tag_redraw()
-
-
-_MOUSE = frozenset({"MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "WINDOW_DEACTIVATE"})
-# Editors without the scene.
-_HARMLESS_EDITORS = frozenset({"FILE_BROWSER", "IMAGE_EDITOR", "INFO", "PREFERENCES", "STATUSBAR", "TOPBAR"})
-# Keymaps that are searched, and operators in them that do not change the scene.
-_KEYMAPS = ("Window", "Screen", "3D View", "3D View Generic", "View2D", "Image", "Image Generic")
-_HARMLESS_OPERATORS = frozenset(
-    {
-        "wm.save_mainfile", "wm.save_as_mainfile", "wm.quit_blender", "wm.call_menu", "wm.search_menu",
-        "wm.context_toggle", "wm.window_fullscreen_toggle", "screen.screen_full_area", "screen.space_context_cycle",
-        "screen.workspace_cycle", "screen.screenshot", "screen.userpref_show", "render.view_show",
-    }
-)  # fmt: skip
-_LOOKING = (
-    "view3d.view_", "view3d.zoom", "view3d.rotate", "view3d.move", "view3d.dolly", "view3d.localview",
-    "view3d.toggle_shading", "view3d.ndof", "view2d.", "image.view_",
-)  # fmt: skip
 
 
 def passes(context: bpy.types.Context, event: bpy.types.Event) -> bool:

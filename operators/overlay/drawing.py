@@ -28,6 +28,10 @@ NO_REFERENCE = "No reference yet: Compare Strategies traces it"
 NOT_REFINED = "Not rendered yet: press Refine with Cycles"
 _LEGEND_PX, _BAR_PX, _GAP_PX = 190, 9, 8
 _RAMP_STOPS = 52
+live: WeakValueDictionary[int, Any] = WeakValueDictionary()  # heatmaps of viewports, by the address of their region
+inspected: dict[int, InspectedPixel | None] = {}  # by the address of the window in which pixels are inspected
+NO_VIEW = "There are no pictures yet: run Render Preview first"
+_handles: dict[Any, Any] = {}  # by the space type that they draw in
 
 
 @dataclass(frozen=True)
@@ -38,10 +42,6 @@ class InspectedPixel:
     x: float
     y: float
     lines: list[str]
-
-
-live: WeakValueDictionary[int, Any] = WeakValueDictionary()  # heatmaps of viewports, by the address of their region
-inspected: dict[int, InspectedPixel | None] = {}  # by the address of the window in which pixels are inspected
 
 
 @dataclass(frozen=True)
@@ -168,10 +168,6 @@ def _draw_mark(look: _Look, text: str, short: str, below_title: bool) -> None:
     down = look.gap + (height + look.gap if below_title else 0.0) + height
     said = text if width + 2 * look.gap <= look.seen.width else short
     paint.box([said], (look.seen.left + look.gap, look.seen.top - down), look.scale, paint.WARNING)
-
-
-NO_VIEW = "There are no pictures yet: run Render Preview first"
-_handles: dict[Any, Any] = {}  # by the space type that they draw in
 
 
 def _draw() -> None:

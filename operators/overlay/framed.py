@@ -18,6 +18,9 @@ from ..session.scene_session import session_of
 from ..session.shown_view import ShownView
 from ..session.views import PAGES
 
+EDITORS = frozenset({"VIEW_3D", "IMAGE_EDITOR"})
+_BARS = frozenset({"HEADER", "TOOL_HEADER", "TOOLS", "UI", "ASSET_SHELF", "ASSET_SHELF_HEADER"})
+
 
 class Rect(NamedTuple):
     """Axis-aligned rectangle; empty if its right or top lies before its left or bottom."""
@@ -102,10 +105,6 @@ def beside(point: tuple[float, float], size: tuple[float, float], gap: float, wi
     if y < within.bottom:
         y = point[1] + gap
     return max(x, within.left), min(max(y, within.bottom), max(within.top - size[1], within.bottom))
-
-
-EDITORS = frozenset({"VIEW_3D", "IMAGE_EDITOR"})
-_BARS = frozenset({"HEADER", "TOOL_HEADER", "TOOLS", "UI", "ASSET_SHELF", "ASSET_SHELF_HEADER"})
 
 
 class Framed(NamedTuple):

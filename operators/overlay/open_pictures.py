@@ -25,6 +25,9 @@ from .framed import Rect, free_rect
 if TYPE_CHECKING:
     from ..pipeline.unfinished import Meanwhile, Unfinished
 
+_INSET = 0.4  # of the viewport's sides, at most
+_GAP_PX = 8
+
 
 class PATCHNET_OT_show_picture(bpy.types.Operator):
     """Show this picture in an Image Editor that shows none of your images, else in a new window"""
@@ -123,10 +126,6 @@ def _fit(window: bpy.types.Window, area: bpy.types.Area) -> None:
     with bpy.context.temp_override(window=window, area=area, region=region):
         if bpy.ops.image.view_all.poll():
             bpy.ops.image.view_all(fit_view=True)
-
-
-_INSET = 0.4  # of the viewport's sides, at most
-_GAP_PX = 8
 
 
 @contextmanager

@@ -40,6 +40,15 @@ if TYPE_CHECKING:
 
 
 REFINED, COMPOSITED, OVER_UNREFINED, FULL = "refined_octree", "composited", "composited_over_unrefined", "full"
+OWN_SIDE = 4  # of the octree's rays in pixels that Cycles does not render
+# Triangles of a box, by its corners in Blender's order.
+_SIDES = np.array([[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6], [0, 4, 5], [0, 5, 1],
+                   [3, 2, 6], [3, 6, 7], [0, 3, 7], [0, 7, 4], [1, 5, 6], [1, 6, 2]])  # fmt: skip
+_LEFT = (
+    "{name}: {left:.1%} of the pixels show gloss, clear glass or what voxels leave out, and are not rendered: raise "
+    "Pixels of Refine with Cycles"
+)
+NOT_CYCLES = "The voxels have no light from Cycles: run Bake Light with Light: Cycles first"
 
 
 @dataclass(eq=False)
@@ -90,13 +99,6 @@ def squared_errors(
     if buffers.shows_predicted:
         pictures[PREDICTED] = shown
     return {name: (picture.astype(np.float64) - reference) ** 2 for name, picture in pictures.items()}
-
-
-OWN_SIDE = 4  # of the octree's rays in pixels that Cycles does not render
-
-# Triangles of a box, by its corners in Blender's order.
-_SIDES = np.array([[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6], [0, 4, 5], [0, 5, 1],
-                   [3, 2, 6], [3, 6, 7], [0, 3, 7], [0, 7, 4], [1, 5, 6], [1, 6, 2]])  # fmt: skip
 
 
 class WantedSurface(NamedTuple):
@@ -168,13 +170,6 @@ def _is_in(box: np.ndarray, camera: Camera) -> bool:
     edges = box[[4, 3, 1]] - box[0]
     share = np.linalg.lstsq(edges.T, camera.position_world - box[0], rcond=None)[0]
     return bool(((share >= 0.0) & (share <= 1.0)).all())
-
-
-_LEFT = (
-    "{name}: {left:.1%} of the pixels show gloss, clear glass or what voxels leave out, and are not rendered: raise "
-    "Pixels of Refine with Cycles"
-)
-NOT_CYCLES = "The voxels have no light from Cycles: run Bake Light with Light: Cycles first"
 
 
 @dataclass(frozen=True, eq=False)

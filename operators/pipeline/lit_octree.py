@@ -48,6 +48,7 @@ if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
 
 
 _FRAGMENTS_SHARE = 1 / 8  # of the memory, for the pieces of the surface in leaves
+EachOctree = Callable[["LitOctree"], Steps[None]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,9 +176,6 @@ def choose_leaves(
             with suppress(SceneError):  # a scene without cameras is baked, too
                 cameras = yield from _looking(context, settings, source, overrides.depsgraph)
     return replace(choice, cameras=cameras or ())
-
-
-EachOctree = Callable[["LitOctree"], Steps[None]]
 
 
 def light_octree(

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ...patchnet_addon.tracing.render import Hits
 
 NO_DEPTH = 1e10  # what Cycles writes
+BY_PRIORITY = ("Priority", "Coverage")  # only if pixels are refined by priority
 
 
 class Pass(NamedTuple):
@@ -43,7 +44,6 @@ PASSES = (
     Pass("Sample Count", "X", "VALUE"),
     Pass("Level", "X", "VALUE"),
 )
-BY_PRIORITY = ("Priority", "Coverage")  # only if pixels are refined by priority
 
 
 def combined(picture: AdaptivePicture, world: np.ndarray | None) -> np.ndarray:

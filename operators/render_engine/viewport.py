@@ -47,6 +47,8 @@ _NO_VOXELS = "PatchNet: there are no voxels yet. Press Preview Selection in the 
 _NO_CODES = "PatchNet: look-ahead is not prepared yet. Press Prepare Look-Ahead in the sidebar's tab PatchNet (N)."
 _READY_SOON = "PatchNet is getting ready"
 _STALE = "the scene has changed: voxelize and bake again"
+_KEPT_S = 1.0  # at least; at most twice as long
+_left: dict[int, Viewport] = {}  # by the address of their region
 
 
 class Viewport:
@@ -274,10 +276,6 @@ def _view(camera: Camera) -> tuple[Any, ...]:
     axes = (camera.position_world, camera.right, camera.up)
     lens = (camera.half_x, camera.half_y, camera.shift_x, camera.shift_y)
     return (*np.concatenate(axes).tolist(), *lens, camera.width_px, camera.height_px, camera.kind)
-
-
-_KEPT_S = 1.0  # at least; at most twice as long
-_left: dict[int, Viewport] = {}  # by the address of their region
 
 
 def leave(viewport: Viewport) -> None:

@@ -25,6 +25,11 @@ from ..gpu_view.packing import world_words
 from ..gpu_view.shaders import FLOATS
 from .viewport_world import WorldBehind, draw_picture
 
+_RAMP = 256
+_BAND_ROWS = 64  # decoded between two redraws
+_PRIORITY = 1  # kind of a heatmap
+_PAPER, _NO_RAY = STRATEGIES["patchnet"], STRATEGIES["patchnet-plus-0"]  # strategies of the card
+
 
 class CardPicture:
     """Mean of the samples of a view so far; dropping it frees its images.
@@ -103,13 +108,6 @@ class CardPicture:
         self._images = seen, mean, other
         self._taken += 1
         self.done = self._samples is None or self._taken == len(self._samples.places)
-
-
-_RAMP = 256
-_BAND_ROWS = 64  # decoded between two redraws
-
-_PRIORITY = 1  # kind of a heatmap
-_PAPER, _NO_RAY = STRATEGIES["patchnet"], STRATEGIES["patchnet-plus-0"]  # strategies of the card
 
 
 class HeatKind(NamedTuple):

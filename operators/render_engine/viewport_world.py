@@ -21,6 +21,8 @@ from ..session.world_maps import ask_for_map
 
 _SCALE, _LEAST_SCALE = 1.4, 0.75  # of messages, over that of the overlay's texts
 _MARGIN_PX = 20
+World = np.ndarray | CubeMap | None
+_KINDS = ("WORLD", "NODETREE", "IMAGE", "TEXTURE", "LIGHT")
 
 
 def draw_picture(texture: Any, engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
@@ -41,10 +43,6 @@ def draw_message(region: bpy.types.Region, text: str) -> None:
     scale = max(min(scale, scale * room / paint.text_size(text, scale)[0]), _LEAST_SCALE)
     width, _ = paint.text_size(text, scale)
     paint.write(text, max((region.width - width) / 2, _MARGIN_PX), region.height / 2, scale)
-
-
-World = np.ndarray | CubeMap | None
-_KINDS = ("WORLD", "NODETREE", "IMAGE", "TEXTURE", "LIGHT")
 
 
 class WorldBehind(NamedTuple):

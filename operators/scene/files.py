@@ -26,6 +26,17 @@ from .strands import STRANDS
 
 _FROM_FILES = frozenset({"FILE", "MOVIE", "TILED"})  # which file of a sequence is shown, only Cycles knows
 _FIND = "put them back, or find them with File > External Data"
+# Extension -> import operator.
+_IMPORTERS = {
+    ".glb": "import_scene.gltf",
+    ".gltf": "import_scene.gltf",
+    ".obj": "wm.obj_import",
+    ".ply": "wm.ply_import",
+    ".stl": "wm.stl_import",
+    ".fbx": "wm.fbx_import",
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), "wm.usd_import"),
+    ".abc": "wm.alembic_import",
+}
 
 
 def missing_libraries() -> list[str]:
@@ -83,19 +94,6 @@ def _missing_images(tree: bpy.types.NodeTree) -> Iterator[str]:
 
 def _path(name: str, library: bpy.types.Library | None) -> str:
     return os.path.normpath(bpy.path.abspath(name, library=library))
-
-
-# Extension -> import operator.
-_IMPORTERS = {
-    ".glb": "import_scene.gltf",
-    ".gltf": "import_scene.gltf",
-    ".obj": "wm.obj_import",
-    ".ply": "wm.ply_import",
-    ".stl": "wm.stl_import",
-    ".fbx": "wm.fbx_import",
-    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), "wm.usd_import"),
-    ".abc": "wm.alembic_import",
-}
 
 
 def open_scene(path: str | Path) -> bpy.types.Scene:

@@ -10,6 +10,21 @@ import bpy
 from ..scene_access.blender_version import CYCLES_NAMES_ARE_RESERVED, tree_in_use
 from ..state.digest import composed, names
 
+# Textures that use generated coordinates without a link.
+GENERATED_BY_DEFAULT = frozenset(
+    {
+        "TEX_NOISE", "TEX_VORONOI", "TEX_WAVE", "TEX_MAGIC", "TEX_GRADIENT", "TEX_CHECKER", "TEX_BRICK", "TEX_GABOR",
+        "TEX_MUSGRAVE",
+    }
+)  # fmt: skip
+_NAME_PROPERTY = {
+    "UVMAP": "uv_map",
+    "NORMAL_MAP": "uv_map",
+    "TANGENT": "uv_map",
+    "VERTEX_COLOR": "layer_name",
+    "ATTRIBUTE": "attribute_name",
+}
+
 
 def own_name(*parts: str) -> str:
     """Name of a layer of ours, hashed: no layer of the user's is equal, and Blender 4.5 truncates long names."""
@@ -20,21 +35,7 @@ def own_name(*parts: str) -> str:
 GENERATED = own_name("generated")
 # Layer of a mesh's default colour attribute, which a Color Attribute node without a name reads.
 DEFAULT_COLOR = own_name("default color")
-# Textures that use generated coordinates without a link.
-GENERATED_BY_DEFAULT = frozenset(
-    {
-        "TEX_NOISE", "TEX_VORONOI", "TEX_WAVE", "TEX_MAGIC", "TEX_GRADIENT", "TEX_CHECKER", "TEX_BRICK", "TEX_GABOR",
-        "TEX_MUSGRAVE",
-    }
-)  # fmt: skip
 
-_NAME_PROPERTY = {
-    "UVMAP": "uv_map",
-    "NORMAL_MAP": "uv_map",
-    "TANGENT": "uv_map",
-    "VERTEX_COLOR": "layer_name",
-    "ATTRIBUTE": "attribute_name",
-}
 # Names that Cycles does not look up in the mesh: it computes their values, or has none.
 _STANDARD = {"generated": GENERATED} | dict.fromkeys(names("N uv tangent pointiness random_per_island"), "")
 if CYCLES_NAMES_ARE_RESERVED:

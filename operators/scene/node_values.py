@@ -30,6 +30,8 @@ from .node_terms import (
     source,
 )
 
+_LAYER_NODES = ("VERTEX_COLOR", "ATTRIBUTE", "OBJECT_INFO", "PARTICLE_INFO")
+
 
 @dataclass
 class NodeValues:
@@ -338,7 +340,6 @@ def _step(term: NumberTerm, threshold: float, above: bool) -> NumberTerm:
     return replace(term.affine(-1.0, 1.0), threshold=1.0 - threshold)
 
 
-_LAYER_NODES = ("VERTEX_COLOR", "ATTRIBUTE", "OBJECT_INFO", "PARTICLE_INFO")
 _NUMBER_RULES: dict[str, Callable[[NodeValues, Output], NumberTerm]] = {
     "TEX_IMAGE": _image_number,
     "VALUE": lambda values, output: NumberTerm(float(output.socket.default_value)),

@@ -13,6 +13,9 @@ from ..scene_access.frames import fcurves, kept_values
 from ..scene_access.own import is_own
 from ..schema.table import VISIBLE
 
+_WITHOUT_SURFACE = ("LIGHT", "LIGHT_PROBE", "CAMERA")
+_OF_VIEWPORTS = ("hide_viewport", ".show_viewport", ".levels", ".viewport_resolution")  # of objects, of modifiers
+
 
 def hide_from_renders(texts: Sequence[str]) -> list[str]:
     """Hide objects whose own or an ancestor's name contains one of `texts` (lower case); returns those of no object."""
@@ -25,10 +28,6 @@ def hide_from_renders(texts: Sequence[str]) -> list[str]:
             item.hide_render = True
             unused.difference_update(found)
     return sorted(unused)
-
-
-_WITHOUT_SURFACE = ("LIGHT", "LIGHT_PROBE", "CAMERA")
-_OF_VIEWPORTS = ("hide_viewport", ".show_viewport", ".levels", ".viewport_resolution")  # of objects, of modifiers
 
 
 @contextmanager

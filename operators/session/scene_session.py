@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from .scene_result import SceneResult
     from .shown_view import ShownView
 
+_sessions: dict[int, SceneSession] = {}  # by session_uid of the scene
+
 
 @dataclass(frozen=True, eq=False)
 class KeyedMap:
@@ -55,9 +57,6 @@ class SceneSession:
     def free_frames(self) -> None:
         """Free the results of rendered frames."""
         self.made_frame = None
-
-
-_sessions: dict[int, SceneSession] = {}  # by session_uid of the scene
 
 
 def session_of(scene: bpy.types.Scene) -> SceneSession:

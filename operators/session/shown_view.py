@@ -22,6 +22,26 @@ from .scene_result import Comparison, Row, SceneResult
 if TYPE_CHECKING:
     from ..pipeline.views import View
 
+PREVIEW, PREDICTED, HEATMAP, REFINED, REFERENCE = "PREVIEW", "PREDICTED", "HEATMAP", "REFINED", "REFERENCE"
+CYCLES_PICTURE = "CYCLES"  # Refine with Cycles adds it
+PREVIEW_ERROR, PREDICTED_ERROR, REFINED_ERROR = "PREVIEW_ERROR", "PREDICTED_ERROR", "REFINED_ERROR"
+ERRORS = (PREVIEW_ERROR, PREDICTED_ERROR, REFINED_ERROR)
+TITLES = {
+    HEATMAP: "Heatmap",
+    PREVIEW: "Preview",
+    PREDICTED: "Predicted",
+    REFINED: "Refined",
+    REFERENCE: "Reference",
+    CYCLES_PICTURE: "Refined by Cycles",
+    PREVIEW_ERROR: "Preview Error",
+    PREDICTED_ERROR: "Predicted Error",
+    REFINED_ERROR: "Refined Error",
+}
+# Quantities of a pixel, each with a picture; coverage only with a network.
+PRIORITY, COVERAGE, LEVEL = "priority", "coverage", "level"
+LUMINANCES = ("preview luminance", "predicted luminance", "refined luminance", "reference luminance")
+SAMPLES = "samples"
+
 
 def attach_view_stats(result: SceneResult, view: View, *, compared: bool = False) -> SceneResult:
     """Add a view's figures to a result, and replace its comparison of strategies."""
@@ -48,27 +68,6 @@ def comparison_of(view: View) -> Comparison:
         pictures=(("Preview", report["mse_unrefined"]), ("Predicted", report["predicted"]["mse_unrefined"])),
         rows=tuple(sorted(rows, key=lambda row: row.error)),
     )
-
-
-PREVIEW, PREDICTED, HEATMAP, REFINED, REFERENCE = "PREVIEW", "PREDICTED", "HEATMAP", "REFINED", "REFERENCE"
-CYCLES_PICTURE = "CYCLES"  # Refine with Cycles adds it
-PREVIEW_ERROR, PREDICTED_ERROR, REFINED_ERROR = "PREVIEW_ERROR", "PREDICTED_ERROR", "REFINED_ERROR"
-ERRORS = (PREVIEW_ERROR, PREDICTED_ERROR, REFINED_ERROR)
-TITLES = {
-    HEATMAP: "Heatmap",
-    PREVIEW: "Preview",
-    PREDICTED: "Predicted",
-    REFINED: "Refined",
-    REFERENCE: "Reference",
-    CYCLES_PICTURE: "Refined by Cycles",
-    PREVIEW_ERROR: "Preview Error",
-    PREDICTED_ERROR: "Predicted Error",
-    REFINED_ERROR: "Refined Error",
-}
-# Quantities of a pixel, each with a picture; coverage only with a network.
-PRIORITY, COVERAGE, LEVEL = "priority", "coverage", "level"
-LUMINANCES = ("preview luminance", "predicted luminance", "refined luminance", "reference luminance")
-SAMPLES = "samples"
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,7 @@ RAW = (PRIORITY, COVERAGE, LEVEL, *LUMINANCES)
 PAGES = {"heatmap": 1, "overlay": 1, "error": 2}  # pictures with a legend, and the number of views on them
 _NAME = re.compile(r"PatchNet (.+?) ((?:cycles )?\w+)")
 _NAME_BYTES = 34  # of a camera's name, so that Blender 4.5 does not truncate the image's name
+_SAME = 1e-5  # of lengths and angles that single precision keeps
 
 
 def image_name(camera: str, name: str) -> str:
@@ -58,9 +59,6 @@ def show_images(view: View, shown: ShownView) -> dict[str, bpy.types.Image]:
         else:
             images[name] = show_image(of, picture, raw=raw)
     return images
-
-
-_SAME = 1e-5  # of lengths and angles that single precision keeps
 
 
 def view_of_image(scene: bpy.types.Scene, image: bpy.types.Image) -> tuple[ShownView, str] | None:

@@ -36,6 +36,7 @@ _PATIENCE_S = 60.0  # after which a render stops waiting for an idle window
 _ENGINE = "PATCHNET"  # as in `render_engine/engine.py`
 _UNSEEN = "Black is shown behind objects: {}"
 _BUSY = "Blender's window was busy for too long: render again"
+_wanted: list[_Wanted] = []  # the last one is made first: those of renders
 
 
 @dataclass(eq=False)
@@ -46,9 +47,6 @@ class _Wanted:
     steps: Steps[None]
     depsgraph: bpy.types.Depsgraph | None = None
     seen_at: float = 0.0
-
-
-_wanted: list[_Wanted] = []  # the last one is made first: those of renders
 
 
 def awaited_background(depsgraph: bpy.types.Depsgraph, camera: Camera, *, baked: bool) -> Steps[Background]:

@@ -17,6 +17,28 @@ import numpy as np
 
 from ..scene_access.blender_version import NODES_ARE_OPTIONAL
 
+_IMAGE_KEYS = (
+    "source", "alpha_mode", "generated_type", "generated_width", "generated_height", "use_half_precision",
+    "use_deinterlace",
+)  # fmt: skip
+# Data type of an attribute that Cycles evaluates -> key of its values, their width and type.
+ATTRIBUTE_KINDS: dict[str, tuple[str, int, type]] = {
+    "FLOAT": ("value", 1, np.float32), "FLOAT2": ("vector", 2, np.float32), "FLOAT_VECTOR": ("vector", 3, np.float32),
+    "FLOAT_COLOR": ("color", 4, np.float32), "BYTE_COLOR": ("color", 4, np.float32), "INT": ("value", 1, np.int32),
+    "INT8": ("value", 1, np.int32), "BOOLEAN": ("value", 1, np.bool_), "QUATERNION": ("value", 4, np.float32),
+    "FLOAT4": ("vector", 4, np.float32),
+}  # fmt: skip
+_ATTRIBUTES = ATTRIBUTE_KINDS | {
+    "INT32_2D": ("value", 2, np.int32), "INT16_2D": ("value", 2, np.int16), "FLOAT4X4": ("value", 16, np.float32),
+}  # fmt: skip
+_OF_POINTS = {"co": 4, "weight": 1, "tilt": 1, "radius": 1}
+_OF_BEZIER_POINTS = {"co": 3, "handle_left": 3, "handle_right": 3, "tilt": 1, "radius": 1}
+_CORNERS = ".corner_vert"
+_DEPTH = 6
+# Modifiers whose UV coordinates and colours at corners differ in their last bits at each evaluation: Blender sums the
+# values at a vertex in an order that depends on memory addresses.
+_UNSTEADY = frozenset({"BEVEL"})
+
 
 def names(text: str) -> frozenset[str]:
     """Split a text into its words."""
@@ -35,31 +57,10 @@ _SKIPPED_OF_NODES = names(
     """location location_absolute width width_hidden height dimensions select show_options show_preview show_texture
     hide label parent color color_tag use_custom_color inputs outputs internal_links"""
 )
-_IMAGE_KEYS = (
-    "source", "alpha_mode", "generated_type", "generated_width", "generated_height", "use_half_precision",
-    "use_deinterlace",
-)  # fmt: skip
 # Of modifiers: their appearance in the interface. Inputs of geometry nodes are hashed separately.
 _SKIPPED_OF_MODIFIERS = names(
     "name show_expanded show_in_editmode show_on_cage is_active use_pin_to_last persistent_uid properties node_warnings"
 )
-# Data type of an attribute that Cycles evaluates -> key of its values, their width and type.
-ATTRIBUTE_KINDS: dict[str, tuple[str, int, type]] = {
-    "FLOAT": ("value", 1, np.float32), "FLOAT2": ("vector", 2, np.float32), "FLOAT_VECTOR": ("vector", 3, np.float32),
-    "FLOAT_COLOR": ("color", 4, np.float32), "BYTE_COLOR": ("color", 4, np.float32), "INT": ("value", 1, np.int32),
-    "INT8": ("value", 1, np.int32), "BOOLEAN": ("value", 1, np.bool_), "QUATERNION": ("value", 4, np.float32),
-    "FLOAT4": ("vector", 4, np.float32),
-}  # fmt: skip
-_ATTRIBUTES = ATTRIBUTE_KINDS | {
-    "INT32_2D": ("value", 2, np.int32), "INT16_2D": ("value", 2, np.int16), "FLOAT4X4": ("value", 16, np.float32),
-}  # fmt: skip
-_OF_POINTS = {"co": 4, "weight": 1, "tilt": 1, "radius": 1}
-_OF_BEZIER_POINTS = {"co": 3, "handle_left": 3, "handle_right": 3, "tilt": 1, "radius": 1}
-_CORNERS = ".corner_vert"
-_DEPTH = 6
-# Modifiers whose UV coordinates and colours at corners differ in their last bits at each evaluation: Blender sums the
-# values at a vertex in an order that depends on memory addresses.
-_UNSTEADY = frozenset({"BEVEL"})
 
 
 class Digest:

@@ -16,6 +16,8 @@ from ...patchnet_addon.runtime.errors import SceneError
 from .block_hashes import place_of_gloss
 from .scene_state import Change, SceneState, scene_state
 
+_monitor: SceneChangeMonitor | None = None  # of the job in a window
+
 
 @dataclass
 class SceneChangeMonitor:
@@ -27,9 +29,6 @@ class SceneChangeMonitor:
     scene: int
     state: SceneState | None = None
     edited: bool = False
-
-
-_monitor: SceneChangeMonitor | None = None  # of the job in a window
 
 
 def begin(scene: bpy.types.Scene) -> None:

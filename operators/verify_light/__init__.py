@@ -27,6 +27,10 @@ from ..scene_access.images import save_png
 from ..schema.table import GLOSS_OFF
 from ..settings.job_settings import JobSettings
 
+_COVERAGE_RAYS = 8
+_COARSE_DEPTH = 8  # of the voxels among which cameras are placed
+_PICTURES = ("cycles.png", "octree.png", "difference.png", "side_by_side.png")
+
 
 @dataclass(frozen=True)
 class CheckSettings:
@@ -43,10 +47,6 @@ class CheckSettings:
     render_samples: int = 256
     rays: int = 32
     difference: float = 0.2
-
-
-_COVERAGE_RAYS = 8
-_COARSE_DEPTH = 8  # of the voxels among which cameras are placed
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,9 +183,6 @@ def _mean_figures(checks: Sequence[CameraCheck]) -> dict[str, Any]:
     cycles = sum(float(check.cycles.sum(dtype=np.float64)) for check in checks)
     mse = [10.0 ** (-check.report["psnr_db"] / 10.0) for check in checks]
     return {"psnr_db": -10.0 * float(np.log10(np.mean(mse))), "mean_ratio": mine / cycles if cycles else None}
-
-
-_PICTURES = ("cycles.png", "octree.png", "difference.png", "side_by_side.png")
 
 
 def check_files(folders: Iterable[str]) -> dict[str, FileKind]:

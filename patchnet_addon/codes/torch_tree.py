@@ -17,6 +17,8 @@ from ..network.torch_encode import TorchEncoder
 from ..octree.octree import Octree
 from .brick import OCTANTS
 
+_SIGNED = {np.dtype(np.uint16): np.int16, np.dtype(np.uint32): np.int32}  # torch has few operations for unsigned types
+
 
 class TorchTree:
     """Copy of an octree's node arrays on a torch device; nodes are int64 tensors there, -1 for none."""
@@ -107,9 +109,6 @@ def paths(lookahead: int) -> np.ndarray:
     for bit in range(lookahead - 1, -1, -1):
         place = 8 * place + ((x >> bit & 1) | (y >> bit & 1) << 1 | (z >> bit & 1) << 2)
     return place
-
-
-_SIGNED = {np.dtype(np.uint16): np.int16, np.dtype(np.uint32): np.int32}  # torch has few operations for unsigned types
 
 
 def to_device(array: np.ndarray, device: torch.device) -> Tensor:

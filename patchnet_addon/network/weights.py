@@ -24,6 +24,9 @@ MODULATED = 9  # dimensions of a code that harmonics of degree 0 to 2 are multip
 KIND = "weights"
 _ENCODERS = {MLP.name: MLP}  # of the engine
 _PLUS = "plus."  # prefix of an estimator's arrays
+_Kind = TypeVar("_Kind")
+Layer = tuple[np.ndarray, np.ndarray]
+"""Matrix (out, in), or kernels (out, in, z, y, x), and bias (out,), float32."""
 
 
 def network(lookahead: int, kind: NetworkKind = PAPER, encoder: EncoderKind = MLP) -> dict[str, Any]:
@@ -45,11 +48,6 @@ def network(lookahead: int, kind: NetworkKind = PAPER, encoder: EncoderKind = ML
             "output": kind.output,
         }
     )
-
-
-_Kind = TypeVar("_Kind")
-Layer = tuple[np.ndarray, np.ndarray]
-"""Matrix (out, in), or kernels (out, in, z, y, x), and bias (out,), float32."""
 
 
 @dataclass(frozen=True, eq=False)

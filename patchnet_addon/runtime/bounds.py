@@ -14,6 +14,19 @@ import numpy as np
 from .errors import SettingError
 from .frames import LAST_FRAME
 
+MAX_DEPTH = 18  # of octrees: pictures of 1920 x 1080 from inside a hall need levels 15 to 18
+LOOKAHEADS = (1, 2, 3)  # levels that a network may look ahead (the paper's delta l)
+DEFAULT_LOOKAHEAD = 2  # of the shipped weights, and of files that do not say
+MOST_STILLS = 4  # cameras of a job; more are a track, whose frames see the same places again
+SMALL_PX = 1 << 16  # of a still: up to these, light cells are half as wide, since users magnify it
+_PIXEL_SHARE = "give a share of the pixels"
+_LARGEST = 1e9  # of factors and of ends of legends
+_MAX_PATHS = 65536  # maximum of Cycles' own panel
+MAX_SEED = 2**32 - 1
+INT32_COUNT = 2**31  # non-negative int32 values
+UINT32_COUNT = 2**32
+NODE_ADVICE = "choose a smaller depth, or voxelize fewer objects"
+
 
 @dataclass(frozen=True)
 class Bounds:
@@ -62,16 +75,6 @@ def _text(value: float) -> str:
     return f"{value:g}"
 
 
-MAX_DEPTH = 18  # of octrees: pictures of 1920 x 1080 from inside a hall need levels 15 to 18
-LOOKAHEADS = (1, 2, 3)  # levels that a network may look ahead (the paper's delta l)
-DEFAULT_LOOKAHEAD = 2  # of the shipped weights, and of files that do not say
-MOST_STILLS = 4  # cameras of a job; more are a track, whose frames see the same places again
-SMALL_PX = 1 << 16  # of a still: up to these, light cells are half as wide, since users magnify it
-_PIXEL_SHARE = "give a share of the pixels"
-_LARGEST = 1e9  # of factors and of ends of legends
-_MAX_PATHS = 65536  # maximum of Cycles' own panel
-MAX_SEED = 2**32 - 1
-
 # Voxelizing.
 DEPTH = Bounds("Depth", 1, MAX_DEPTH, True, "choose a depth in this range")
 LEVEL = Bounds("Level", 0, MAX_DEPTH, True, "choose a level in this range")
@@ -112,11 +115,6 @@ KEPT_GIB = Bounds("Kept octrees (GiB)", 0, 2.0**20)
 SEED = Bounds("Seed", 0, MAX_SEED, True)
 DECODER_WIDTH = Bounds("Decoder width", 6, 78, True, "choose a multiple of 6 in this range")
 ENCODER_WIDTH = Bounds("Encoder width", 64, 1024, True, "choose a multiple of 64 in this range")
-
-
-INT32_COUNT = 2**31  # non-negative int32 values
-UINT32_COUNT = 2**32
-NODE_ADVICE = "choose a smaller depth, or voxelize fewer objects"
 
 
 def check_count(count: int, most: int, what: str, advice: str) -> None:

@@ -16,6 +16,10 @@ from ..runtime.bounds import REFINED_SAMPLES, SPP
 
 SIDES = (1, 2, 4, 8, 16, 32)  # samples per pixel side
 COUNTS = np.array(SIDES, np.int32) ** 2
+LEAST_REFINED, MOST_REFINED = int(REFINED_SAMPLES.low), 256  # samples of refined pixels; 1,024 on request
+LITTLE = np.finfo(np.float64).tiny  # below every priority from a score
+_LARGEST = 1e100  # of priorities, so that their sum is finite
+_ROUNDED = 1.0 + 1e-12  # tolerates rounding of a mean computed as total / count
 
 
 class _Upgrades:
@@ -47,10 +51,6 @@ class _Upgrades:
 # Measured on octrees. Four samples are no better than the prediction, so a predicted pixel gets 16 or none.
 _OF_PREVIEW = _Upgrades(COUNTS, [1.0, 0.33, 0.055, 0.004, 0.0005, 0.0], [0.75, 0.5, 0.25, 0.125, 0.0625, 0.0])
 _OF_PREDICTED = _Upgrades(np.delete(COUNTS, 1), [1.0, 0.2, 0.015, 0.002, 0.0], [0.75, 0.5, 0.25, 0.125, 0.0])
-LEAST_REFINED, MOST_REFINED = int(REFINED_SAMPLES.low), 256  # samples of refined pixels; 1,024 on request
-LITTLE = np.finfo(np.float64).tiny  # below every priority from a score
-_LARGEST = 1e100  # of priorities, so that their sum is finite
-_ROUNDED = 1.0 + 1e-12  # tolerates rounding of a mean computed as total / count
 
 
 def sample_counts(priorities: np.ndarray, mean: float, *, predicted: bool = False) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 BOX, GAUSSIAN, BLACKMAN_HARRIS = "BOX", "GAUSSIAN", "BLACKMAN_HARRIS"  # as Cycles names them
 _BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)
 _STEPS = 256  # of the integral over a pixel
+EVEN_FOOTPRINT = 32  # coarser ones thicken edges (docs/worth-it.md)
 
 
 class PixelFilter(NamedTuple):
@@ -92,7 +93,6 @@ class RayPattern(NamedTuple):
     footprints: int
 
 
-EVEN_FOOTPRINT = 32  # coarser ones thicken edges (docs/worth-it.md)
 # Of pixels that are refined, and of pictures with equally many in every pixel.
 GRID, EVEN = RayPattern(grid_places, 1), RayPattern(rook_places, EVEN_FOOTPRINT)
 

@@ -20,6 +20,8 @@ _KINDS = {".png": PNG, ".svg": SVG}
 # Safe for color vision deficiency (Okabe and Ito).
 BLUE, ORANGE, GREEN, PURPLE, GRAY = "#0072b2", "#d55e00", "#009e73", "#aa4499", "0.45"
 PATTERN_BUDGET = 0.3
+Crop = tuple[slice, slice]
+"""Rows (0 is the lowest) and columns of a square in a picture."""
 
 
 def show_picture(axes: Axes, picture: np.ndarray, title: str, *, interpolation: str = "nearest") -> None:
@@ -53,10 +55,6 @@ def save_panels(figure: Figure, folder: Path, name: str) -> list[Path]:
     for path in paths:
         save_figure(figure, path)
     return paths
-
-
-Crop = tuple[slice, slice]
-"""Rows (0 is the lowest) and columns of a square in a picture."""
 
 
 def crops_of_difference(error: np.ndarray, other: np.ndarray, side: int) -> tuple[Crop, Crop]:

@@ -23,6 +23,7 @@ LUMINANCE_SHARE = 0.5  # delta of methods 3.5
 INDICES = (0.5, 1.5, 2.0, 3.0)  # of Tsallis' entropy: the paper does not state its index
 _TINY = float(np.finfo(np.float64).tiny)
 _NEAREST = float(np.finfo(np.float32).tiny)  # least distance, for a camera in a leaf; its square is above 0
+_CHI2, _HELLINGER = "chi-square divergence from uniform luminance", "Hellinger distance to uniform luminance"
 
 
 def windows(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -160,7 +161,6 @@ def _root_of(divergence: Contrast) -> Contrast:
     return lambda distribution: np.sqrt(divergence(distribution))
 
 
-_CHI2, _HELLINGER = "chi-square divergence from uniform luminance", "Hellinger distance to uniform luminance"
 STRATEGIES = (
     # Network and look-up table cannot rank pixels without a hit: with the same limitation variance shows their value.
     Strategy(

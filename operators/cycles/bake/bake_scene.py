@@ -24,6 +24,12 @@ from ..daylight import daylight
 from ..scene_copy import UNBIASED
 
 _NAME = "PatchNet Bake"
+# Side of a tile in texels. Cycles polls for a stop between two passes over a tile, and a pass over a whole page takes a
+# CPU many seconds, too long for a window. Small tiles take up to 20 % longer, so in background a page is one tile. The
+# result is the same.
+_TILE_SIDE_IN_WINDOW, _TILE_SIDE = 256, 4096
+# In a window: about 5 s of two cores in the demo scene, of which reading the scene takes 15 %.
+_LEAST_PATHS, _PATHS_A_TRIANGLE = 1 << 20, 3
 
 
 @contextmanager
@@ -43,14 +49,6 @@ def lit_as(target: bpy.types.Object, links: Links) -> Iterator[None]:
                     copy.collection_objects[-1].light_linking.link_state = state
                 stack.enter_context(changed(emitter.light_linking, receiver_collection=copy))
         yield
-
-
-# Side of a tile in texels. Cycles polls for a stop between two passes over a tile, and a pass over a whole page takes a
-# CPU many seconds, too long for a window. Small tiles take up to 20 % longer, so in background a page is one tile. The
-# result is the same.
-_TILE_SIDE_IN_WINDOW, _TILE_SIDE = 256, 4096
-# In a window: about 5 s of two cores in the demo scene, of which reading the scene takes 15 %.
-_LEAST_PATHS, _PATHS_A_TRIANGLE = 1 << 20, 3
 
 
 @contextmanager

@@ -43,6 +43,7 @@ _BY_VIEW = (
 )
 _MOST_TRIANGLES = 1 << 22  # a call
 _LIFT_SHARE = 2e-6  # of the octree's cube
+_LEAST_COLOR = 1e-3  # of a baked base color: Cycles ends paths on darker ones
 
 
 class _Passes(NamedTuple):
@@ -57,7 +58,6 @@ class _Passes(NamedTuple):
 
 
 _DIFFUSE, _GLOSSY, _THROUGH, _COLORS = _Passes(), _Passes(gloss=True), _Passes(through=True), _Passes(colors=True)
-_LEAST_COLOR = 1e-3  # of a baked base color: Cycles ends paths on darker ones
 
 
 class SurfelBaker:

@@ -24,6 +24,7 @@ _EQUILATERAL = 3.0 * 3.0**0.5 / 4.0  # area of an equilateral triangle over its 
 _LEAST_SHARE = 1e-6  # of a triangle's area: Cycles bakes nothing on slivers that a voxel cuts off
 _LEAST_COSINE = 0.05  # of shading normals to the front, which a bake looks at along them
 _LEAST_WEIGHT = 1e-4  # of a corner in a corner of a surfel: it stays within its triangle
+_COLUMNS = ("number", "corners_world", "normals_world", "uvs", "texel_uvs", "materials", "links", "is_back", "open")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +58,6 @@ class SurfelTriangles:
             **{name: getattr(self, name)[chosen] for name in _COLUMNS},
             layers={name: values[chosen] for name, values in self.layers.items()},
         )
-
-
-_COLUMNS = ("number", "corners_world", "normals_world", "uvs", "texel_uvs", "materials", "links", "is_back", "open")
 
 
 def joined(parts: Sequence[SurfelTriangles]) -> SurfelTriangles:

@@ -21,6 +21,11 @@ AROUND = tuple(place for place in WINDOW if place != CENTRE)
 NEXT_RAYS = (
     (3, 0), (2, 1), (3, 1), (2, 2), (1, 3), (3, 3), (0, 5), (2, 5), (1, 6), (0, 7), (1, 7), (0, 8)
 )  # fmt: skip
+SLOPE = 4.0  # pixel sides of depth that give half of the largest slope
+FAR = 1.0e6  # cube sides: depth of a miss
+BESIDE_RAYS = 0.1  # weight of the network's luminance in the squared scale where there are rays
+HIDDEN_BEHIND = 0.01  # the same for the luminance behind, which most patches hide
+FLOOR = 1.0e-5  # of the squared scale: differences below 0.003 are noise
 
 
 class Plane(IntEnum):
@@ -61,13 +66,6 @@ class Kind(IntEnum):
     SLOPE = 2  # x / (1 + |x|), x = (v - depth) per SLOPE pixel sides
     ANGLE = 3  # cosine of the normals there and here
     SCALE = 4  # logarithm of the scale
-
-
-SLOPE = 4.0  # pixel sides of depth that give half of the largest slope
-FAR = 1.0e6  # cube sides: depth of a miss
-BESIDE_RAYS = 0.1  # weight of the network's luminance in the squared scale where there are rays
-HIDDEN_BEHIND = 0.01  # the same for the luminance behind, which most patches hide
-FLOOR = 1.0e-5  # of the squared scale: differences below 0.003 are noise
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from .forms import FORMS, Form
 
 KIND = "error-estimators"
 HIDDEN = 36  # a multiple of the outputs that the compiled layers sum at once
+_of_weights: WeakKeyDictionary[Weights, Estimators] = WeakKeyDictionary()  # which belong to their weights
 
 
 def layer_sizes(form: Form) -> tuple[int, ...]:
@@ -82,9 +83,6 @@ def with_estimators(weights: Weights, estimators: Estimators) -> Weights:
     """PatchNet's weights with the estimators trained on them, for one file."""
     plus = estimators.metadata | {"features": _features()}
     return replace(weights, plus=estimators.arrays(), metadata=weights.metadata | {"plus": plus})
-
-
-_of_weights: WeakKeyDictionary[Weights, Estimators] = WeakKeyDictionary()  # which belong to their weights
 
 
 def estimators_of(weights: Weights | None) -> Estimators:
