@@ -20,7 +20,7 @@ release = version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="
 
 extensions = ["myst_nb", "repository_links"]
 source_suffix = {".md": "myst-nb"}
-exclude_patterns = ["site", "openjd", "flamenco"]
+exclude_patterns = ["site", "openjd"]
 myst_enable_extensions = ["html_image"]
 myst_heading_anchors = 4
 smartquotes = False  # keeps the two hyphens of arguments
