@@ -11,6 +11,7 @@ from .jobs.job_operator import VoxelJob, tell_notes
 from .properties.stages import properties_of
 from .schema.table import LIGHT
 from .session import results
+from .session.keep import keep
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
 
@@ -43,6 +44,6 @@ class PATCHNET_OT_bake_light(VoxelJob, bpy.types.Operator):
         result.made_with, result.state = before.made_with, made.state
         result.made_by = before.made_by | {"seen": cameras_text(choice.cameras)}
         result.notes = {"octree": made.warnings}
-        results.keep(context.scene, result, "light", settings=settings)
+        keep(context.scene, result, "light", settings=settings)
         said = tell_notes(self, made.warnings)
         return f"{counted(made.octree.leaf_count, 'voxel')} in light ({settings.light.kind}){said}"

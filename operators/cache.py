@@ -16,7 +16,7 @@ import bpy
 
 from ..patchnet_addon.runtime.cache_folder import BAKES, KERNELS, OCTREES, user_cache_folder
 from .jobs.job_operator import no_job_runs
-from .properties.preferences import PatchNetPreferences, apply_preferences
+from .properties.preferences import apply_preferences, cache_size_text
 
 # Patterns of PatchNet's file names in each folder of the cache.
 _FILES = {
@@ -83,8 +83,9 @@ class PATCHNET_OT_measure_cache(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Measure, and keep the text."""
         apply_preferences(context)
-        PatchNetPreferences.cache_size = size_text(cache_size(user_cache_folder()))
-        self.report({"INFO"}, f"Cache: {PatchNetPreferences.cache_size}")
+        text = size_text(cache_size(user_cache_folder()))
+        cache_size_text()[:] = [text]
+        self.report({"INFO"}, f"Cache: {text}")
         return {"FINISHED"}
 
 
@@ -109,6 +110,6 @@ class PATCHNET_OT_clear_cache(bpy.types.Operator):
         apply_preferences(context)
         root = user_cache_folder()
         freed = clear_cache(root)
-        PatchNetPreferences.cache_size = size_text(cache_size(root))
+        cache_size_text()[:] = [size_text(cache_size(root))]
         self.report({"INFO"}, f"{freed / 2**20:.1f} MiB were freed in {root}")
         return {"FINISHED"}

@@ -42,3 +42,6 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
         if not bpy.app.background:  # viewports free their pictures at the next redraw
             bpy.app.timers.register(give_back, first_interval=_DRAWN_AGAIN_S)
         return {"FINISHED"}
+
+
+TIMERS = (give_back,)

@@ -14,6 +14,7 @@ import bpy
 from ..patchnet_addon.runtime.log import LOG
 from .properties.preferences import preferences
 from .scene_access.devices import gpu_is_enabled
+from .scene_access.window_state import Part
 from .session import results
 
 _MAX = 20
@@ -33,7 +34,7 @@ class _Last(logging.Handler):
         self.said.append(f"{record.levelname}: {record.getMessage()}" + (f"\n{trace}" if trace else ""))
 
 
-_last = _Last()
+_last = Part("last_messages", _Last)
 
 
 class PATCHNET_OT_copy_diagnostics(bpy.types.Operator):
@@ -62,7 +63,7 @@ def diagnostics(context: bpy.types.Context) -> str:
         "settings": _settings(context.scene.patchnet),
         "result": result.summary if result else None,
         "stale": {name: result.why(name) for name in sorted(result.stale)} if result else None,
-        "last warnings and errors": list(_last.said),
+        "last warnings and errors": list(_last().said),
     }
     return json.dumps(values, indent=1, default=str).replace(str(Path.home()), "~")
 
@@ -78,9 +79,9 @@ def _settings(values: bpy.types.PropertyGroup) -> dict[str, Any]:
 
 def register() -> None:
     """Add the handler to the log."""
-    LOG.addHandler(_last)
+    LOG.addHandler(_last())
 
 
 def unregister() -> None:
     """Remove the handler from the log."""
-    LOG.removeHandler(_last)
+    LOG.removeHandler(_last())

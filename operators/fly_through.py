@@ -4,16 +4,19 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import dataclass, field
 
 import bpy
+from bpy.app.handlers import persistent
 
 from ..patchnet_addon.runtime.frames import frame_range
 from ..patchnet_addon.runtime.progress import Progress, Steps
 from ..patchnet_addon.runtime.quantities import counted
-from .jobs.job_operator import JobOperator, tell, tell_notes
+from .jobs.job_operator import JobOperator, job_in_window, tell, tell_notes
 from .properties.job import is_given
 from .properties.stages import FrameProperties
 from .scene_access.window_job import RENDER, job_is_running, window_is_alive
+from .scene_access.window_state import Part
 from .settings.job_settings import JobSettings
 
 _POLL_S = 0.5
@@ -42,32 +45,52 @@ class PATCHNET_OT_fly_through(FrameProperties, JobOperator, bpy.types.Operator):
             return f"All frames are in {baked.folder}"
         said, film = tell_notes(self, baked.result.all_notes), counted(len(baked.frames), "frame")
         if window_is_alive():
-            uid = context.scene.session_uid
-            bpy.app.timers.register(lambda: _render_beside(uid, frames), first_interval=_POLL_S)
+            _film().scene, _film().frames = context.scene.session_uid, frames
+            if not bpy.app.timers.is_registered(_render_film):
+                bpy.app.timers.register(_render_film, first_interval=_POLL_S)
             return f"Blender renders {film} into {baked.folder}{said}"
         yield Progress(0, 1, f"Rendering {film}")
         render_fly_through(context.scene, frames, baked)
         return f"{film} in {baked.folder}{said}"
 
 
-def _render_beside(uid: int, frames: range) -> float | None:
+@dataclass(eq=False)
+class FilmBesideWindow:
+    """Film that Blender renders beside the window.
+
+    scene: its session_uid, 0 once the render has begun. changed: settings of the scene until it ends.
+    """
+
+    scene: int = 0
+    frames: range = range(0)
+    changed: ExitStack = field(default_factory=ExitStack)
+
+
+_film = Part("film", FilmBesideWindow)
+
+
+def _render_film() -> float | None:
     """Start Blender's render of the frames once the operator has ended; the scene has its engine back after it."""
     from .render_engine.fly_through import frames_by_engine
 
-    scene = next((item for item in bpy.data.scenes if item.session_uid == uid), None)
+    if job_in_window().title or job_is_running(RENDER):
+        return _POLL_S
+    unregister()
+    film = _film()
+    scene = next((item for item in bpy.data.scenes if item.session_uid == film.scene), None)
     if scene is None:
         return None
-    if JobOperator.running or job_is_running(RENDER):
-        return _POLL_S
-    stack = ExitStack()
-    stack.enter_context(frames_by_engine(scene, frames))
+    film.scene = 0
+    film.changed.enter_context(frames_by_engine(scene, film.frames))
     bpy.ops.render.render("INVOKE_DEFAULT", animation=True, scene=scene.name)
+    return _POLL_S
 
-    def end() -> float | None:
-        if job_is_running(RENDER):
-            return _POLL_S
-        stack.close()
-        return None
 
-    bpy.app.timers.register(end, first_interval=_POLL_S)
-    return None
+@persistent
+def unregister(*_: object) -> None:
+    """Give a film's scene its settings back, also before another file opens."""
+    _film().changed.close()
+
+
+HANDLERS = (("load_pre", unregister),)
+TIMERS = (_render_film,)

@@ -18,7 +18,7 @@ from .jobs.job_operator import JobOperator, tell
 from .properties.job import absolute_path
 from .properties.stages import properties_of
 from .schema.table import CODES
-from .session import results
+from .session.keep import keep
 from .session.scene_result import SceneResult
 from .session.staleness import look_again
 from .settings.job_settings import JobSettings
@@ -79,7 +79,7 @@ class PATCHNET_OT_load_octree(JobOperator, bpy.types.Operator):
         yield Progress(0, 1, "Looking at the scene")
         state = read_state(context.scene)
         made = _result(octree, coded, state, context.scene)
-        results.keep(context.scene, made)
+        keep(context.scene, made)
         if problem:
             tell(self, "WARNING", problem)
         if made.stale:

@@ -14,6 +14,7 @@ from .jobs.job_operator import VoxelJob
 from .properties.stages import properties_of
 from .schema.table import CODES
 from .session import results
+from .session.keep import keep
 from .settings.job_settings import JobSettings
 
 
@@ -34,5 +35,5 @@ class PATCHNET_OT_precompute_codes(VoxelJob, bpy.types.Operator):
             weights = load_network(settings.network)
             coded, encoder = yield from encode(before.octree, weights, settings.compute)
         made = replace(before, coded=coded, seconds=before.seconds | clock.seconds, encoder=encoder)
-        results.keep(context.scene, results.without_view(made), "codes", settings=settings)
+        keep(context.scene, results.without_view(made), "codes", settings=settings)
         return f"{counted(coded.coded_count, 'voxel')} with look-ahead, by {encoder}"

@@ -17,6 +17,7 @@ from .properties import preferences
 # Of each module Blender gets its CLASSES, or all that it declares; the functions in its HANDLERS, by their names in
 # `bpy.app.handlers`, and in its MENUS, by the type of menu. Then its register() is called. Its TIMERS end with it.
 _NAMES = (
+    "scene_access.window_state",
     "properties.preferences",
     "properties.stages",
     "session.scene_session",
@@ -53,6 +54,8 @@ _NAMES = (
     "overlay.open_pictures",
     "overlay.panel",
     "overlay",
+    "render_engine.viewport",
+    "render_engine.viewport_mask",
     "render_engine",
     "render_engine.panels",
 )

@@ -16,6 +16,7 @@ from .jobs.job_operator import CodesJob, tell_notes
 from .properties.stages import properties_of
 from .schema.table import CAMERAS, IMPORTANCE, VIEW
 from .session import results
+from .session.keep import keep
 from .session.shown_view import attach_view_stats, comparison_of
 from .settings.job_settings import JobSettings
 
@@ -71,7 +72,7 @@ def look(context: bpy.types.Context, settings: JobSettings) -> Steps[View]:
     result = replace(result, warnings=(*focus_warnings(context.scene, [camera]), *result.warnings))
     notes = results.without_view(before).notes | {"view": result.warnings}
     before = replace(before, seconds=before.seconds | clock.seconds, notes=notes)
-    results.keep(context.scene, attach_view_stats(before, result, compared=wanted.reference), "view")
+    keep(context.scene, attach_view_stats(before, result, compared=wanted.reference), "view")
     overlay.show(context, [result], settings.view)
     return result
 

@@ -11,11 +11,12 @@ from ..patchnet_addon.export.fine_light import noise_text
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
-from .jobs.job_operator import JobOperator, tell_notes
+from .jobs.job_operator import JobOperator, job_in_window, tell_notes
 from .properties.stages import JOB, properties_of
 from .schema.table import SELECTED
 from .session import results
 from .session.job_voxels import STAGES, other_objects, result_of_job, voxels_before
+from .session.keep import keep
 from .session.scene_result import SceneResult
 from .session.shown_view import attach_view_stats
 from .settings.job_settings import JobSettings
@@ -54,7 +55,7 @@ class PATCHNET_OT_run_all(JobOperator, bpy.types.Operator):
                     title = f"refining light, noise {self._noise}"
                     meanwhile(Unfinished(first.camera.name, title, opaque(first.pictures["refined"])))
 
-            looks = JobOperator.in_window is self
+            looks = job_in_window().operator is self
             result = yield from run_job(context, settings, meanwhile, before, early if looks else None)
         made, first = _keep(context, settings, result, replaced), result.views[0]
         errors = (
@@ -86,6 +87,6 @@ def _keep(
     made = attach_view_stats(made, result.views[0], compared=settings.view.reference)
     made.seconds = made.seconds | result.report["timings_s"]
     made.notes = result.notes | ({"objects": (replaced,)} if replaced else {})
-    results.keep(context.scene, made, *steps, settings=settings)
+    keep(context.scene, made, *steps, settings=settings)
     overlay.show(context, result.views, settings.view)
     return made

@@ -11,7 +11,7 @@ from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.job_operator import JobOperator, tell_notes
 from .properties.stages import properties_of
 from .schema.table import CAMERAS, OCTREE
-from .session import results
+from .session.keep import keep
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
 
@@ -33,7 +33,7 @@ class PATCHNET_OT_voxelize(JobOperator, bpy.types.Operator):
         octree = made.octree
         result = SceneResult(octree, settings.surface.scope, made.layout, seconds=seconds, state=made.state)
         result.made_by, result.notes = {"cameras": cameras_key(context, settings)}, {"octree": made.warnings}
-        results.keep(context.scene, result, "octree", settings=settings)
+        keep(context.scene, result, "octree", settings=settings)
         side = f"side {octree.grid.voxel_size_world:.4g}" + (" and more" if made.layout else "")
         said = tell_notes(self, made.warnings)
         return f"{counted(octree.leaf_count, 'voxel')} of {side}, depth {octree.depth}{said}"

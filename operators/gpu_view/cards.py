@@ -20,6 +20,7 @@ from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.runtime.quantities import bytes_text
 from ...patchnet_addon.runtime.worker import attended
 from ..properties.preferences import VIEWPORT_AUTO, VIEWPORT_CPU, preferences
+from ..scene_access.window_state import Part
 from .card_octree import CardOctree
 from .packing import card_bytes, code_bytes, fits_card, padded
 from .shaders import BITS, FLOATS, VIEW_NUMBERS, VIEW_SIZE, WORDS, Shader
@@ -30,7 +31,6 @@ _GIB = 1 << 30
 _SOFTWARE = ("llvmpipe", "lavapipe", "softpipe", "swrast", "swiftshader", "software", "basic render", "gdi generic")
 _UNTRIED = ("METAL",)
 _CHOOSE = "Viewport Device: GPU in the preferences tries it"
-_cards: WeakKeyDictionary[Octree, _Card] = WeakKeyDictionary()
 
 
 class CardError(PatchNetError):
@@ -166,13 +166,16 @@ class _Card:
         self.octree = card
 
 
+_cards = Part("cards", WeakKeyDictionary[Octree, _Card])
+
+
 def card_of(context: bpy.types.Context, octree: Octree) -> CardOctree | None:
     """Octree on the card, None while it is on its way there, or where the CPU draws; works for a moment."""
     values = preferences(context)
     chosen = values.viewport, values.card_gib
-    card = _cards.get(octree)
+    card = _cards().get(octree)
     if card is None or card.chosen != chosen:
-        card = _cards[octree] = _Card(octree, chosen)
+        card = _cards()[octree] = _Card(octree, chosen)
     if card.coming:
         try:
             with attended():  # packing is beside the window
@@ -187,7 +190,7 @@ def codes_on_card(coded: CodedOctree) -> tuple[bool, str]:
 
     Others than before are brought anew.
     """
-    card = _cards[coded.octree]
+    card = _cards()[coded.octree]
     if card.codes is None or card.codes[0]() is not coded:
         card.codes, card.coded, card.no_codes = (ref(coded), card.bring_codes(coded)), False, ""
     try:
@@ -200,39 +203,34 @@ def codes_on_card(coded: CodedOctree) -> tuple[bool, str]:
 
 def is_there(octree: Octree) -> bool:
     """Return whether an octree is on the card."""
-    card = _cards.get(octree)
+    card = _cards().get(octree)
     return card is not None and card.octree is not None
 
 
 def is_coming(octree: Octree) -> bool:
     """Return whether an octree is on its way to the card."""
-    card = _cards.get(octree)
+    card = _cards().get(octree)
     return card is not None and card.coming
 
 
 def why_cpu(octree: Octree) -> str:
     """Sentence why viewports show an octree by the CPU, empty where they do not or none has been looked at."""
-    card = _cards.get(octree)
+    card = _cards().get(octree)
     return f"Viewport by the CPU: {card.reason}" if card is not None and card.reason else ""
 
 
 def give_up(octree: Octree, reason: str) -> None:
     """Free an octree on the card, and let the CPU draw it from now on."""
-    card = _cards.get(octree)
+    card = _cards().get(octree)
     if card is not None:
         card.octree, card.reason, card.no_codes = None, reason, reason
 
 
 def free_coming() -> None:
     """Free what is on its way, which holds its octree until it is there."""
-    for octree, card in list(_cards.items()):
+    for octree, card in list(_cards().items()):
         if card.coming or (card.codes is not None and not (card.coded or card.no_codes)):
-            del _cards[octree]
-
-
-def free_all() -> None:
-    """Free all octrees on the card."""
-    _cards.clear()
+            del _cards()[octree]
 
 
 def _against(viewport: str) -> str:

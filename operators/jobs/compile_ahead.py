@@ -25,13 +25,14 @@ from ...patchnet_addon.runtime.compiling import NOTE
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import computed
 from ..properties.preferences import ROOT_PACKAGE
+from ..scene_access.window_state import Part
 
 SCRIPT = Path(__file__).with_name("small_jobs.py")  # that the other Blender runs
 ABOUT = 284  # kernels that the small jobs call, for the progress
 _AT = Progress(0, ABOUT, "Compiling kernels", note=NOTE, waiting=True)
 _LOOK_S = 0.5  # between two counts of compiled kernels
 _LOG_BYTES = 2000  # of the end of its output, for the log
-_tried: set[Path] = set()  # marks of failed attempts in this process
+_tried = Part("failed_marks", set[Path])  # marks of failed attempts
 
 
 def compiled_ahead() -> Steps[None]:
@@ -42,13 +43,13 @@ def compiled_ahead() -> Steps[None]:
     mark = None
     try:
         mark = yield from computed(_mark, _AT)
-        if mark.exists() or mark in _tried:
+        if mark.exists() or mark in _tried():
             return
         yield from _compiled(mark.parent)
         mark.touch()
     except OSError as cause:
         if mark is not None:
-            _tried.add(mark)
+            _tried().add(mark)
         logging.getLogger("patchnet").warning(
             "Kernels could not be compiled ahead: they are compiled when they are first called, which takes more "
             "memory. %s", cause,

@@ -7,7 +7,7 @@ import logging
 import time
 from collections.abc import Iterable
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -27,11 +27,12 @@ from ..scene_access.own import quiet
 from ..scene_access.temporary import session_folder_goes
 from ..scene_access.unread_file import check_opened
 from ..scene_access.window_job import escaped, in_window, note_click, others_job_is_running
+from ..scene_access.window_state import Part
 from ..session import results
 from ..session.octree_cache import result_or_kept
 from ..session.scene_session import give_back
 from ..settings.job_settings import JobSettings
-from ..state import watch as job_watch
+from ..state.watch import change_monitor
 from .job_window import JobDisplay, passes
 
 if TYPE_CHECKING:
@@ -80,11 +81,6 @@ class JobOperator(OperatorBase):
     """
 
     bl_options: ClassVar[set[str]] = {"REGISTER"}
-    running: ClassVar[str] = ""  # title of the operator that works in a window now
-    fraction: ClassVar[float] = 0.0  # progress of the job, for the panel; 0 while it is unknown
-    step: ClassVar[str] = ""  # current step in words
-    # The operator itself. Not of type JobOperator: typing would keep the class, and Blender as a module hang at exit.
-    in_window: ClassVar[Any] = None
     uses_kernels: ClassVar[bool] = True  # the job waits until they are compiled
     _outcome: set[str]
     _steps: Steps[str]
@@ -133,9 +129,9 @@ class JobOperator(OperatorBase):
         if self.uses_kernels:
             self._steps = _after_compiling(self._steps)
         self._scene, self._layer = context.scene, context.view_layer
-        job_watch.begin(context.scene)
-        JobOperator.running, JobOperator.fraction, JobOperator.in_window = self.bl_label, 0.0, self
-        JobOperator.step = self.bl_label
+        change_monitor().begin(context.scene)
+        job = job_in_window()
+        job.operator, job.display = self, self._display
         self._display.begin(context)
         self._timer = context.window_manager.event_timer_add(_TICK_S, window=context.window)
         context.window_manager.modal_handler_add(self)
@@ -163,7 +159,6 @@ class JobOperator(OperatorBase):
             self._end_modal(context)
             return self._outcome
         self._display.show(context)
-        JobOperator.step, JobOperator.fraction = self._display.progress.label, self._display.whole or 0.0
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
@@ -171,7 +166,7 @@ class JobOperator(OperatorBase):
 
         Blender also calls it when a file browser is cancelled, before the job begins.
         """
-        if JobOperator.in_window is not self:
+        if job_in_window().operator is not self:
             return
         self._outcome = self._outcome or {"CANCELLED"}
         try:
@@ -257,13 +252,30 @@ class JobOperator(OperatorBase):
         return f"{self.bl_label} was stopped: nothing was changed"
 
     def _end_modal(self, context: bpy.types.Context) -> None:
-        if JobOperator.in_window is not self:
+        job = job_in_window()
+        if job.operator is not self:
             return
-        JobOperator.running, JobOperator.in_window = "", None
-        job_watch.end()
+        job.operator = job.display = None
+        change_monitor().end()
         context.window_manager.event_timer_remove(self._timer)
         self._display.end(context)
         give_back()
+
+
+@dataclass(eq=False)
+class JobInWindow:
+    """Job that works in a window now, and its display; None while there is none."""
+
+    operator: JobOperator | None = None
+    display: JobDisplay | None = None
+
+    @property
+    def title(self) -> str:
+        """Title of the job, or ""."""
+        return "" if self.display is None else self.display.title
+
+
+job_in_window = Part("job", JobInWindow)
 
 
 def _after_compiling(steps: Steps[str]) -> Steps[str]:
@@ -276,7 +288,7 @@ def _after_compiling(steps: Steps[str]) -> Steps[str]:
 @persistent
 def stop_running_job(*_: object) -> None:
     """End the job in a window before an undo, another file or Blender's exit frees its data-blocks."""
-    operator = JobOperator.in_window
+    operator = job_in_window().operator
     if operator is not None and not operator._outcome:
         operator.cancel(bpy.context)
 
@@ -316,7 +328,7 @@ def in_object_mode(operator: Any, context: bpy.types.Context, what: str) -> bool
 
 def no_job_runs(operator: Any) -> bool:
     """Return whether no job runs in a window; else set the poll message."""
-    running = JobOperator.running
+    running = job_in_window().title
     return _unless(operator, bool(running), f"{running} is running: wait for it, or press Esc over the window")
 
 

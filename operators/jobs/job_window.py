@@ -32,12 +32,13 @@ _LOOKING = (
 
 
 class JobDisplay:
-    """Display of a job. progress: its latest report. whole: share of the job that is done, None while it is unknown.
+    """Display of a job, by its title. progress: latest report. whole: share of the job that is done, None if unknown.
 
     The share never falls.
     """
 
     def __init__(self, title: str) -> None:
+        self.title = title
         self.progress = Progress(0, 1, title)
         self.whole: float | None = None
         self._text = ""  # of the status bar

@@ -19,9 +19,8 @@ from ..session.shown_view import view_to_show
 from ..session.views import show_images
 from ..settings.groups import ViewSettings
 from . import open_pictures, overlay_settings
-from .drawing import inspected
 from .open_pictures import unfinished_pictures as unfinished_pictures
-from .paint import free_textures
+from .paint import textures
 
 if TYPE_CHECKING:
     from ..pipeline.views import View
@@ -48,7 +47,7 @@ def add(context: bpy.types.Context, camera: str, name: str, image: bpy.types.Ima
 
 def _come_up(context: bpy.types.Context, image: bpy.types.Image) -> None:
     open_pictures.open_picture(context, image)
-    free_textures()
+    textures().free()
     overlay_settings.refresh(context)
 
 
@@ -61,7 +60,7 @@ def forget(context: bpy.types.Context) -> None:
 @persistent
 def _switch_off(*_: object) -> None:
     """Switch overlay and inspection off; also before another file opens."""
-    inspected.clear()
+    overlay_settings.overlay_state().inspected.clear()
     values = overlay_settings.overlay_settings(bpy.context)
     values.show_viewport = values.show_editor = False
 

@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
-from weakref import WeakValueDictionary
 
 import bpy
 import numpy as np
@@ -18,30 +16,15 @@ from ..scene_access.images import VIEW_TRANSFORM, unlike_view
 from ..session import views
 from ..session.scene_session import session_of
 from ..session.shown_view import CYCLES_PICTURE, TITLES, ShownView
-from . import overlay_settings as settings
 from . import paint
 from .framed import EDITORS, Rect, beside, framed, free_rect
-from .overlay_settings import NOTHING, overlay_settings
-from .paint import free_textures
+from .overlay_settings import NOTHING, overlay_settings, overlay_state
 
 NO_REFERENCE = "No reference yet: Compare Strategies traces it"
 NOT_REFINED = "Not rendered yet: press Refine with Cycles"
 _LEGEND_PX, _BAR_PX, _GAP_PX = 190, 9, 8
 _RAMP_STOPS = 52
-live: WeakValueDictionary[int, Any] = WeakValueDictionary()  # heatmaps of viewports, by the address of their region
-inspected: dict[int, InspectedPixel | None] = {}  # by the address of the window in which pixels are inspected
 NO_VIEW = "There are no pictures yet: run Render Preview first"
-_handles: dict[Any, Any] = {}  # by the space type that they draw in
-
-
-@dataclass(frozen=True)
-class InspectedPixel:
-    """Pixel under the mouse: address of its region, position of the mouse there, and lines of text about it."""
-
-    region: int
-    x: float
-    y: float
-    lines: list[str]
 
 
 @dataclass(frozen=True)
@@ -63,10 +46,10 @@ class _Look:
 
 def draw_region(context: bpy.types.Context) -> None:
     """Draw the overlay into the current region, unless the editor's Show Overlays is off."""
-    area, region, values = context.area, context.region, overlay_settings(context)
+    area, region, values, state = context.area, context.region, overlay_settings(context), overlay_state()
     if area is None or area.type not in EDITORS:
         return
-    heat = live.get(region.as_pointer()) if area.type == "VIEW_3D" else None
+    heat = state.heatmaps.get(region.as_pointer()) if area.type == "VIEW_3D" else None
     if heat is not None and heat.shown is not None and area.spaces.active.shading.type == "RENDERED":
         whole = Rect(0, 0, region.width, region.height)
         paint.picture(heat.shown, whole, whole, 1.0)
@@ -75,7 +58,7 @@ def draw_region(context: bpy.types.Context) -> None:
         found = framed(context.scene, area, region)
         if found is not None and len(found.rects) == 1:
             _draw_overlay(context, found.view, found.rects[0])
-    for pixel in inspected.values():
+    for pixel in state.inspected.values():
         if pixel is not None and pixel.region == region.as_pointer():
             scale = context.preferences.system.ui_scale
             size = paint.box_size(pixel.lines, scale)
@@ -101,7 +84,8 @@ def _draw_overlay(context: bpy.types.Context, view: ShownView, rect: Rect) -> No
     sides = [(NOTHING if name in missing else name, part) for name, part in sides]
     for name, part in sides:
         if name != NOTHING:
-            paint.picture(paint.texture_of(view, name, look.maximum, look.colormap), rect, part, values.opacity)
+            texture = paint.textures().of_view(view, name, look.maximum, look.colormap)
+            paint.picture(texture, rect, part, values.opacity)
     if values.use_wipe:
         half = max(look.scale, 1.0)
         paint.fill(Rect(middle - half, rect.bottom, middle + half, rect.top), paint.INK)
@@ -172,28 +156,27 @@ def _draw_mark(look: _Look, text: str, short: str, below_title: bool) -> None:
 
 def _draw() -> None:
     """Draw in the current region; the first error switches the overlay off, as each redraw would repeat it."""
-    if settings.problem:
+    state = overlay_state()
+    if state.problem:
         return
     try:
         draw_region(bpy.context)
     except Exception as error:  # noqa: BLE001  any error would come again with every redraw
-        settings.fail(f"The overlay cannot be drawn and is switched off: {error}")
+        state.problem = f"The overlay cannot be drawn and is switched off: {error}"
         log.unexpected(error)
 
 
 def register() -> None:
     """Add the draw handlers of viewports and Image Editors."""
     for space in (bpy.types.SpaceView3D, bpy.types.SpaceImageEditor):
-        _handles[space] = space.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+        handle = space.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+        overlay_state().handles.append((space, handle))
 
 
 def unregister() -> None:
-    """Remove the draw handlers and textures."""
-    while _handles:
-        space, handle = _handles.popitem()
+    """Remove the draw handlers."""
+    for space, handle in overlay_state().handles:
         space.draw_handler_remove(handle, "WINDOW")
-    free_textures()
-    inspected.clear()
 
 
 class PATCHNET_OT_toggle_overlay(bpy.types.Operator):

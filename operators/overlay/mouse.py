@@ -7,10 +7,9 @@ import bpy
 
 from ..jobs.job_operator import OperatorBase
 from ..session.scene_session import session_of
-from . import overlay_settings as settings
-from .drawing import NO_VIEW, InspectedPixel, inspected, live, switch_of
+from .drawing import NO_VIEW, switch_of
 from .framed import UnderMouse, pixel_at, under_mouse
-from .overlay_settings import overlay_settings, refresh
+from .overlay_settings import InspectedPixel, overlay_settings, overlay_state, refresh
 
 
 class _MouseOperator(OperatorBase):
@@ -81,11 +80,11 @@ class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
     @classmethod
     def has_pictures(cls, context: bpy.types.Context) -> bool:
         """Return whether there is a picture or a live heatmap."""
-        return bool(live) or bool(session_of(context.scene).views)
+        return bool(overlay_state().heatmaps) or bool(session_of(context.scene).views)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start in this window, or stop if it runs there."""
-        self._window = context.window.as_pointer()
+        self._window, inspected = context.window.as_pointer(), overlay_state().inspected
         if self._window in inspected:
             del inspected[self._window]  # the running operator ends at its next event
             return {"FINISHED"}
@@ -97,7 +96,8 @@ class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Update the pixel under the mouse; all other events pass through."""
-        if self._window not in inspected or not self.has_pictures(context) or settings.problem:
+        state = overlay_state()
+        if self._window not in state.inspected or not self.has_pictures(context) or state.problem:
             self.cancel(context)
             return {"CANCELLED", "PASS_THROUGH"}
         if event.type == "MOUSEMOVE":
@@ -111,13 +111,14 @@ class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Stop, also when Blender closes the window."""
-        inspected.pop(self._window, None)
+        overlay_state().inspected.pop(self._window, None)
         if context.workspace is not None:
             context.workspace.status_text_set(None)
         refresh(context)
 
     def _look(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
-        cursor, before = under_mouse(context, event), inspected[self._window]
+        cursor, inspected = under_mouse(context, event), overlay_state().inspected
+        before = inspected[self._window]
         lines = [] if cursor is None else _lines(context, cursor)
         now = InspectedPixel(cursor.region.as_pointer(), cursor.x, cursor.y, lines) if cursor and lines else None
         inspected[self._window] = now
@@ -129,7 +130,7 @@ class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
 
 def _lines(context: bpy.types.Context, cursor: UnderMouse) -> list[str]:
     """Lines about the pixel under the mouse, first choice a live heatmap; none beside pictures."""
-    if heat := live.get(cursor.region.as_pointer()):
+    if heat := overlay_state().heatmaps.get(cursor.region.as_pointer()):
         return heat.describe_pixel(int(cursor.x), int(cursor.y))
     if cursor.framed is None:
         return []

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -21,6 +20,7 @@ from ..scene_access.own import OWNER, is_own
 from ..session.results import redraw_viewports
 from . import paint
 from .framed import Rect, free_rect
+from .overlay_settings import overlay_state
 
 if TYPE_CHECKING:
     from ..pipeline.unfinished import Meanwhile, Unfinished
@@ -64,14 +64,21 @@ def open_picture(context: bpy.types.Context, image: bpy.types.Image, *, asked: b
     if free:
         _show(*max(free, key=lambda item: item[1].width * item[1].height), image)
     elif chosen == OPEN_WINDOW:
-        bpy.app.timers.register(partial(_open_window, image.name), first_interval=0.0)
+        overlay_state().to_open.append(image.name)
+        if not bpy.app.timers.is_registered(_open_windows):
+            bpy.app.timers.register(_open_windows, first_interval=0.0)
 
 
-def _open_window(name: str) -> None:
-    image = bpy.data.images.get(name)
-    found = _new_window(bpy.context) if image is not None else None
-    if image is not None and found is not None:
-        _show(*found, image)
+def _open_windows() -> None:
+    names = overlay_state().to_open
+    while names:
+        image = bpy.data.images.get(names.pop(0))
+        found = _new_window(bpy.context) if image is not None else None
+        if image is not None and found is not None:
+            _show(*found, image)
+
+
+TIMERS = (_open_windows,)
 
 
 def _show(window: bpy.types.Window, area: bpy.types.Area, image: bpy.types.Image) -> None:

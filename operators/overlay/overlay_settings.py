@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings of the overlay, kept in the window manager: changes make no undo step and are not saved in files."""
+"""Settings of the overlay, kept in the window manager: changes make no undo step and are not saved. Its state."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+from weakref import WeakValueDictionary
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, PointerProperty
 
 from ..properties.stages import share
+from ..scene_access.window_state import Part
 from ..session.shown_view import HEATMAP, PREVIEW, TITLES
 from .framed import EDITORS
-from .paint import free_textures
+from .paint import textures
 
 NOTHING = "NONE"
 _DESCRIPTIONS = (
@@ -40,25 +43,55 @@ _LIVE = [
     (LEVEL, "Level", "Level of the octree that each pixel shows"),
 ]
 
-problem = ""  # why the overlay is switched off, for the panel
+
+@dataclass(frozen=True)
+class InspectedPixel:
+    """Pixel under the mouse: address of its region, position of the mouse there, and lines of text about it."""
+
+    region: int
+    x: float
+    y: float
+    lines: list[str]
+
+
+class LiveHeatmap(Protocol):
+    """Heatmap of a viewport in shading mode Rendered. shown: texture, None before there is one."""
+
+    shown: Any
+
+    def describe_pixel(self, column: int, row: int) -> list[str]:
+        """Lines about a pixel of the region."""
+
+
+@dataclass(eq=False)
+class OverlayState:
+    """State of the overlay.
+
+    problem: why it is switched off, for the panel. inspected: by the address of the window in which pixels are
+    inspected. heatmaps: by the address of their region. to_open: names of images that windows of their own will show.
+    handles: draw handlers with their types of space.
+    """
+
+    problem: str = ""
+    inspected: dict[int, InspectedPixel | None] = field(default_factory=dict)
+    heatmaps: WeakValueDictionary[int, LiveHeatmap] = field(default_factory=WeakValueDictionary)
+    to_open: list[str] = field(default_factory=list)
+    handles: list[tuple[Any, Any]] = field(default_factory=list)
+
+
+overlay_state = Part("overlay", OverlayState)
 
 
 def refresh(context: bpy.types.Context) -> None:
     """Redraw viewports and Image Editors, also after an error; free the textures if the overlay is off."""
-    fail("")
+    overlay_state().problem = ""
     values = overlay_settings(context)
     if not (values.show_viewport or values.show_editor):
-        free_textures()
+        textures().free()
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type in EDITORS:
                 area.tag_redraw()
-
-
-def fail(text: str) -> None:
-    """Keep the reason for an overlay that is off until a setting changes."""
-    global problem
-    problem = text
 
 
 def _changed(_values: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:

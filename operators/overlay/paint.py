@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..scene_access.window_state import Part
 from ..session.shown_view import ShownView
 from .framed import Rect
 
@@ -35,16 +36,24 @@ void main()
 """
 
 
-@lru_cache(maxsize=6)  # two sides of a wipe in three editors
-def texture_of(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
-    """Texture (gpu.types.GPUTexture) of a view's picture, made when it is first drawn."""
+class Textures:
+    """Textures (gpu.types.GPUTexture) of views and the shader for pictures, made when they are first drawn."""
+
+    def __init__(self) -> None:
+        self.of_view = lru_cache(maxsize=6)(_texture_of)  # two sides of a wipe in three editors
+        self.shader = cache(_picture_shader)
+
+    def free(self) -> None:
+        """Free their memory on the graphics card."""
+        self.of_view.cache_clear()
+        self.shader.cache_clear()
+
+
+textures = Part("textures", Textures)
+
+
+def _texture_of(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
     return uploaded(view.picture(name, maximum, ramp))
-
-
-def free_textures() -> None:
-    """Free the memory on the graphics card, and the shader for pictures."""
-    texture_of.cache_clear()
-    _picture_shader.cache_clear()
 
 
 def texels(picture: np.ndarray) -> np.ndarray:
@@ -89,7 +98,7 @@ def picture(texture: Any, whole: Rect, seen: Rect, opacity: float) -> None:
     points = [(x, y) for y in (seen.bottom, seen.top) for x in (seen.left, seen.right)]
     places = [((x - whole.left) / whole.width, (y - whole.bottom) / whole.height) for x, y in points]
     uniforms = {"matrix": gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix(), "opacity": opacity}
-    shader = _picture_shader()
+    shader = textures().shader()
     shader.bind()
     shader.uniform_sampler("image", texture)
     for name, value in uniforms.items():
@@ -106,7 +115,6 @@ def _draw_strip(shader: Any, **attributes: Sequence[tuple[float, ...]]) -> None:
     gpu.state.blend_set("NONE")
 
 
-@cache
 def _picture_shader() -> Any:
     """Shader for pictures; Blender's image shader blurs them, which no texture setting changes before Blender 5."""
     import gpu

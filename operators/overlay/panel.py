@@ -9,9 +9,8 @@ from ...patchnet_addon.runtime.quantities import named_list
 from ..scene_access.images import unlike_view
 from ..session.scene_session import session_of
 from ..ui.tab import OVERLAY, PanelBase, draw_sentence, split
-from . import overlay_settings as settings
-from .drawing import NO_VIEW, inspected, switch_of
-from .overlay_settings import overlay_settings
+from .drawing import NO_VIEW, switch_of
+from .overlay_settings import overlay_settings, overlay_state
 
 
 class _OverlayPanel(PanelBase):
@@ -20,12 +19,12 @@ class _OverlayPanel(PanelBase):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the switch, the pictures, the wipe, the inspection."""
-        layout, values = split(self.layout), overlay_settings(context)
+        layout, values, state = split(self.layout), overlay_settings(context), overlay_state()
         switch = switch_of(context)
         on = getattr(values, switch)
         layout.operator("patchnet.toggle_overlay", icon="OVERLAY", depress=on)
-        if settings.problem:
-            draw_sentence(layout, context, settings.problem, "ERROR")
+        if state.problem:
+            draw_sentence(layout, context, state.problem, "ERROR")
         elif not session_of(context.scene).views:
             draw_sentence(layout, context, NO_VIEW, "INFO")
         elif on and not context.space_data.overlay.show_overlays:
@@ -44,7 +43,7 @@ class _OverlayPanel(PanelBase):
         wipe.prop(values, "other")
         wipe.prop(values, "wipe")
         layout.operator("patchnet.drag_wipe", icon="ARROW_LEFTRIGHT")
-        running = context.window is not None and context.window.as_pointer() in inspected
+        running = context.window is not None and context.window.as_pointer() in state.inspected
         layout.operator("patchnet.inspect_pixels", icon="EYEDROPPER", depress=running)
 
 

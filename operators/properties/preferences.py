@@ -13,6 +13,7 @@ from ...patchnet_addon.image.colormaps import COLORMAPS
 from ...patchnet_addon.runtime.bounds import KEPT_GIB as KEPT
 from ...patchnet_addon.runtime.heap import reuse_freed_memory
 from ...patchnet_addon.runtime.log import set_up
+from ..scene_access.window_state import Part
 
 # "patchnet", or "bl_ext.<repository>.patchnet" in Blender
 ROOT_PACKAGE = __package__.removesuffix(".operators.properties")
@@ -21,13 +22,13 @@ OPEN_WINDOW, OPEN_EDITOR, OPEN_NEVER = "WINDOW", "EDITOR", "NEVER"
 VIEWPORT_AUTO, VIEWPORT_CARD, VIEWPORT_CPU = "AUTO", "CARD", "CPU"
 KEPT_GIB, CARD_GIB = 4.0, 2.0
 _LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
+cache_size_text = Part("cache_size", list[str])  # empty before it is measured
 
 
 class PatchNetPreferences(bpy.types.AddonPreferences):
     """Shown under Edit > Preferences > Add-ons."""
 
     bl_idname = ROOT_PACKAGE
-    cache_size = ""  # in words, once measured
 
     cache_folder: StringProperty(
         name="Cache Folder",
@@ -102,7 +103,7 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
             layout.prop(self, name)
         layout.prop(self, "cache_folder", placeholder="The Extension's Own")
         split = layout.split(factor=0.6)  # room for all sizes
-        split.label(text=PatchNetPreferences.cache_size or "Size not measured")
+        split.label(text="".join(cache_size_text()) or "Size not measured")
         row = split.row()
         row.operator("patchnet.measure_cache", text="Measure")
         row.operator("patchnet.clear_cache", text="Clear", icon="TRASH")

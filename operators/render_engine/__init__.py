@@ -10,7 +10,6 @@ import bpy
 from ..gpu_view import cards
 from ..scene_access.stop_cycles import forget_engine
 from ..session.scene_session import in_main_thread, open_sessions
-from . import viewport
 from .engine import PatchNetRenderEngine
 
 
@@ -22,7 +21,6 @@ def register() -> None:
 def unregister() -> None:
     """Unregister the engine."""
     forget_engine(PatchNetRenderEngine)
-    viewport.unregister()
 
 
 @bpy.app.handlers.persistent
@@ -31,7 +29,7 @@ def _forget_frames(*_: object) -> None:
     from ...patchnet_addon.runtime.heap import trim
 
     for session in open_sessions():
-        session.free_frames()
+        session.made_frame = None
     if in_main_thread():  # a render has no graphics context
         cards.free_coming()
     if f"{__package__}.frame_octree" in sys.modules:  # else another engine rendered

@@ -29,7 +29,7 @@ from ..scene.cameras import choose_cameras
 from ..scene.track import kept_track, track_cameras, track_key
 from ..scene_access.overrides import changed
 from ..schema.table import COMBINED, GLOSS_CAMERA, LIGHT, OCTREE
-from ..session import results
+from ..session.keep import keep
 from ..session.octree_cache import result_or_kept
 from ..session.scene_result import SceneResult
 from ..session.scene_session import session_of
@@ -223,7 +223,7 @@ def _baked(context: bpy.types.Context, settings: JobSettings) -> Steps[SceneResu
     plan.learn()
     result = SceneResult(made.octree, wanted.scope, made.layout, settings.light.kind, state=made.state)
     result.seconds, result.notes = dict(clock.seconds), {"octree": made.warnings}
-    results.keep(scene, result, OCTREE, LIGHT, settings=settings)
+    keep(scene, result, OCTREE, LIGHT, settings=settings)
     return result
 
 

@@ -29,6 +29,7 @@ from ..scene_access.temporary import scene_copy
 from ..schema.table import GLOSS_AUTO, GLOSS_CAMERA, LIGHT, OCTREE, SEEN_CELLS
 from ..session import results
 from ..session.job_voxels import STAGES
+from ..session.keep import keep
 from ..session.octree_cache import found_on_disk, limit_bytes, result_or_kept
 from ..session.scene_result import VOXELS, SceneResult
 from ..session.scene_session import in_main_thread, session_of
@@ -78,7 +79,7 @@ def octree_of_frame(
         return result.octree, result.coded
     coded, _ = yield from encode(result.octree, load_network(settings.network), settings.compute)
     if results.result_of(scene) is result:
-        results.keep(scene, replace(result, coded=coded), "codes")
+        keep(scene, replace(result, coded=coded), "codes")
     return result.octree, coded
 
 
@@ -155,7 +156,7 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
         if key:
             made.frame_key, session.made_frame = key, made
         if not fits:
-            results.keep(scene, made, "octree", "light")
+            keep(scene, made, "octree", "light")
     return made
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from ..gpu_view.cards import is_there, why_cpu
-from ..jobs.job_operator import JobOperator
+from ..jobs.job_operator import job_in_window
 from ..overlay.overlay_settings import overlay_settings
 from ..schema.table import TABLE
 from ..session import results
@@ -67,8 +67,9 @@ class PATCHNET_PT_render_octree(_RenderPanel, bpy.types.Panel):
         for name in ("scope", "resolution", "depth", "voxel_size", "light", "noise_threshold"):
             if TABLE[name].counts(context.scene.patchnet):
                 layout.prop(context.scene.patchnet, name)
-        if JobOperator.running:
-            draw_progress(layout)
+        job = job_in_window().display
+        if job is not None:
+            draw_progress(layout, job)
         else:
             layout.operator("patchnet.run_all", icon="PLAY")
         result = results.result_of(context.scene)

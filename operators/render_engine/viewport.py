@@ -27,11 +27,19 @@ from ...patchnet_addon.tracing.camera import Camera
 from ..gpu_view import cards
 from ..gpu_view.card_octree import CardOctree
 from ..gpu_view.cards import CardError
-from ..overlay.drawing import live
-from ..overlay.overlay_settings import COMBINED, COVERAGE, LEVEL, PREDICTED_LIVE, PRIORITY, overlay_settings
+from ..overlay.overlay_settings import (
+    COMBINED,
+    COVERAGE,
+    LEVEL,
+    PREDICTED_LIVE,
+    PRIORITY,
+    overlay_settings,
+    overlay_state,
+)
 from ..overlay.paint import texture
 from ..properties.preferences import apply_preferences, preferences
 from ..scene.pixel_filter import pixel_filter_of
+from ..scene_access.window_state import Part
 from ..session import results
 from ..session.scene_result import SceneResult
 from ..session.scene_session import give_back
@@ -48,7 +56,6 @@ _NO_CODES = "PatchNet: look-ahead is not prepared yet. Press Prepare Look-Ahead 
 _READY_SOON = "PatchNet is getting ready"
 _STALE = "the scene has changed: voxelize and bake again"
 _KEPT_S = 1.0  # at least; at most twice as long
-_left: dict[int, Viewport] = {}  # by the address of their region
 
 
 class Viewport:
@@ -193,7 +200,7 @@ class Viewport:
             self._heat = None
             return problem or _READY_SOON, bool(problem)
         if self._heat is None:
-            self._heat = live[self.region] = CardHeat()
+            self._heat = overlay_state().heatmaps[self.region] = CardHeat()
         ranked_by, said = strategy_on_card(strategy(context.scene.patchnet.strategy), card)
         kind = (PRIORITY, COVERAGE, PREDICTED_LIVE, LEVEL).index(chosen := overlay_settings(context).live) + 1
         most = {PRIORITY: ranked_by.maximum, LEVEL: float(result.octree.depth)}.get(chosen, 1.0)
@@ -278,17 +285,20 @@ def _view(camera: Camera) -> tuple[Any, ...]:
     return (*np.concatenate(axes).tolist(), *lens, camera.width_px, camera.height_px, camera.kind)
 
 
+_left = Part("left_viewports", dict[int, Viewport])  # by the address of their region
+
+
 def leave(viewport: Viewport) -> None:
     """Keep the viewport of an engine that ends, for a moment."""
     viewport.missed = False
-    _left[viewport.region] = viewport
+    _left()[viewport.region] = viewport
     if not bpy.app.timers.is_registered(_free):
         bpy.app.timers.register(_free, first_interval=_KEPT_S, persistent=True)
 
 
 def left_in(region: bpy.types.Region) -> Viewport | None:
     """Viewport of a region whose engine has just ended, or None."""
-    viewport = _left.pop(region.as_pointer(), None)
+    viewport = _left().pop(region.as_pointer(), None)
     if viewport is not None:  # what has changed since was not reported
         viewport.world.forget()
         viewport.mask.meshes_changed()
@@ -297,19 +307,15 @@ def left_in(region: bpy.types.Region) -> Viewport | None:
 
 def _free() -> float | None:
     """Free viewports already here at the last run: a redraw fits between two runs, however long work takes."""
-    gone = [region for region, viewport in _left.items() if viewport.missed]
+    left = _left()
+    gone = [region for region, viewport in left.items() if viewport.missed]
     for region in gone:
-        del _left[region]
-    for viewport in _left.values():
+        del left[region]
+    for viewport in left.values():
         viewport.missed = True
     if gone:
         give_back()  # a preview and its unfinished steps refer to each other
-    return _KEPT_S if _left else None
+    return _KEPT_S if left else None
 
 
-def unregister() -> None:
-    """Free all kept viewports."""
-    cards.free_all()
-    _left.clear()
-    if bpy.app.timers.is_registered(_free):
-        bpy.app.timers.unregister(_free)
+TIMERS = (_free,)

@@ -16,6 +16,7 @@ from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ..importance.painted import Importance
 from ..importance.pixels import Strokes, painted_image, read_strokes
 from ..scene_access.own import quiet
+from ..scene_access.window_state import Part
 from ..schema.table import VISIBLE
 
 _REST = 5.0  # pause between two reads of an image, as a multiple of the time of one
@@ -32,7 +33,7 @@ class ViewportMask:
         self.version = 0
         self._chosen: Importance | None = None
         self._touched = False  # to be read, or read again
-        self._registered = self._reading = False
+        self._reading = False
         self._problem = ""
         self._rest_until = 0.0
         self._where = "", ""  # names of scene and view layer
@@ -62,9 +63,10 @@ class ViewportMask:
             self._look_at_image(chosen.image, idle)
         elif self._touched:
             self._where = context.scene.name, context.view_layer.name
-            if not self._registered:
-                self._registered = True
-                bpy.app.timers.register(self._read)
+            if self not in _waiting():
+                _waiting().append(self)
+            if not bpy.app.timers.is_registered(_read_masks):
+                bpy.app.timers.register(_read_masks)
         if self._problem:
             raise SettingError(self._problem)
         return chosen is None or self.strokes is not None
@@ -87,8 +89,8 @@ class ViewportMask:
         if before is None or not np.array_equal(picture, before):
             self._take(Strokes(picture=picture))
 
-    def _read(self) -> None:
-        self._registered = False
+    def read(self) -> None:
+        """Read the strokes of a vertex group."""
         scene = bpy.data.scenes.get(self._where[0])
         layer = scene and scene.view_layers.get(self._where[1])
         if layer is None or self._chosen is None:
@@ -102,3 +104,14 @@ class ViewportMask:
             self._problem = str(error)
         finally:
             self._reading = False
+
+
+_waiting = Part("masks", list[ViewportMask])  # to read between two redraws
+
+
+def _read_masks() -> None:
+    while _waiting():
+        _waiting().pop(0).read()
+
+
+TIMERS = (_read_masks,)

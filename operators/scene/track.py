@@ -17,10 +17,11 @@ from bpy.app.handlers import persistent
 
 from ...patchnet_addon.runtime.frames import frame_range
 from ...patchnet_addon.tracing.camera import Camera
+from ..scene_access.window_state import Part
 from ..state.digest import composed
 from .cameras import camera_names, camera_size_px, cameras_alone, numbered_camera, scene_cameras
 
-_whole: dict[int, range] = {}  # frames of scenes that a part of them does not change, by their session_uid
+_whole = Part("tracks", dict[int, range])  # frames of scenes that a part of them does not change, by their session_uid
 
 
 def track_frames(scene: bpy.types.Scene, wanted: Sequence[int] = (0, 0)) -> range:
@@ -29,22 +30,22 @@ def track_frames(scene: bpy.types.Scene, wanted: Sequence[int] = (0, 0)) -> rang
     Without a window these are the frames of the file as it was saved, whatever a command line or a script sets later.
     Raises SettingError where the last frame comes before the first.
     """
-    frames = _whole.get(scene.session_uid, _rendered(scene))
+    frames = _whole().get(scene.session_uid, _rendered(scene))
     return frame_range(int(wanted[0]), int(wanted[1]), frames.step) if any(wanted) else frames
 
 
 @contextmanager
 def kept_track(scene: bpy.types.Scene) -> Iterator[None]:
     """Keep the track within the block, in which the scene renders other frames."""
-    before = _whole.get(scene.session_uid)
-    _whole[scene.session_uid] = track_frames(scene)
+    before = _whole().get(scene.session_uid)
+    _whole()[scene.session_uid] = track_frames(scene)
     try:
         yield
     finally:
         if before is None:
-            _whole.pop(scene.session_uid, None)
+            _whole().pop(scene.session_uid, None)
         else:
-            _whole[scene.session_uid] = before
+            _whole()[scene.session_uid] = before
 
 
 def _rendered(scene: bpy.types.Scene) -> range:
@@ -105,10 +106,10 @@ def _place(camera: Camera) -> tuple[object, ...]:
 
 @persistent
 def _on_load(*_: object) -> None:
-    _whole.clear()
+    _whole().clear()
     if bpy.app.background and bpy.data.filepath:
         for scene in bpy.data.scenes:
-            _whole[scene.session_uid] = _rendered(scene)
+            _whole()[scene.session_uid] = _rendered(scene)
 
 
 HANDLERS = (("load_post", _on_load),)

@@ -10,26 +10,27 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ...patchnet_addon.runtime.errors import SceneError
+from .window_state import Part
 
-_unread: list[str] = []  # path of a file that failed to load, until another one is opened
+_unread = Part("unread_file", list[str])  # path of a file that failed to load, until another one is opened
 
 
 def check_opened() -> None:
     """Raise SceneError in background if the file to open failed to load."""
-    if bpy.app.background and _unread and not bpy.data.filepath:
+    if bpy.app.background and _unread() and not bpy.data.filepath:
         raise SceneError(
-            f"Scene file {_unread[-1]} could not be opened and may be damaged: open another file, or a backup of it"
+            f"Scene file {_unread()[-1]} could not be opened and may be damaged: open another file, or a backup of it"
         )
 
 
 @persistent
 def _failed(path: str) -> None:
-    _unread[:] = [path]
+    _unread()[:] = [path]
 
 
 @persistent
 def _opened(_path: str) -> None:
-    _unread.clear()
+    _unread().clear()
 
 
 HANDLERS = (("load_post_fail", _failed), ("load_post", _opened))

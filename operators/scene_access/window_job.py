@@ -20,6 +20,7 @@ import bpy
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from .stop_cycles import stopped_cycles
+from .window_state import Part
 
 BAKE, RENDER = "OBJECT_BAKE", "RENDER"
 COMPLETE, CANCEL, INTERRUPTED = "complete", "cancel", "interrupted"
@@ -32,10 +33,10 @@ _HANDLERS = {
     RENDER: {COMPLETE: bpy.app.handlers.render_complete, CANCEL: bpy.app.handlers.render_cancel},
 }
 _in_window: ContextVar[bool] = ContextVar("_in_window", default=False)
-_own_kinds: list[str] = []  # kinds of our running jobs
-_swallowed: list[str] = []  # Esc that the macro got in place of the job
+_own_kinds = Part("own_jobs", list[str])  # kinds of our running jobs
+_swallowed = Part("swallowed", list[str])  # Esc that the macro got in place of the job
 _STOPS_WITHIN_S = 10.0  # of a click on Blender's stop button
-_clicks: list[float] = []  # times of clicks on the status bar
+_clicks = Part("clicks", list[float])  # times of clicks on the status bar
 
 
 @contextmanager
@@ -50,8 +51,8 @@ def in_window(alive: bool) -> Iterator[None]:
 
 def escaped(event: bpy.types.Event) -> bool:
     """Return whether an event is Esc, or the macro below got one in place of whoever asks, once."""
-    if _swallowed:
-        _swallowed.clear()
+    if _swallowed():
+        _swallowed().clear()
         return True
     return event.type == "ESC" and event.value == "PRESS"
 
@@ -59,7 +60,7 @@ def escaped(event: bpy.types.Event) -> bool:
 def note_click(context: bpy.types.Context, event: bpy.types.Event) -> None:
     """Note a click on the status bar, where Blender's stop button is: a bake that it ends is told to be complete."""
     if event.type == "LEFTMOUSE" and event.mouse_y < min(area.y for area in context.window.screen.areas):
-        _clicks.append(time.perf_counter())
+        _clicks().append(time.perf_counter())
 
 
 def window_is_alive() -> bool:
@@ -74,7 +75,7 @@ def job_is_running(*kinds: str) -> bool:
 
 def others_job_is_running() -> bool:
     """Return whether a bake or render job of others runs, which a job of ours would stop."""
-    return any(job_is_running(kind) for kind in (BAKE, RENDER) if kind not in _own_kinds)
+    return any(job_is_running(kind) for kind in (BAKE, RENDER) if kind not in _own_kinds())
 
 
 def check_no_job() -> None:
@@ -92,11 +93,11 @@ def as_job(
     a render of the user, for which Blender ends all other jobs. Closing these steps stops the job, waits for its thread
     and deletes the copy.
     """
-    ended: dict[str, float] = {}
+    ended, kinds = dict[str, float](), _own_kinds()
     with _told(kind, ended):
         start()
-        _clicks.clear()
-        _own_kinds.append(kind)
+        _clicks().clear()
+        kinds.append(kind)
         try:
             while job_is_running(kind):
                 yield replace(at(), waiting=True)
@@ -104,9 +105,9 @@ def as_job(
             _end(kind, scene)
             raise
         finally:
-            _own_kinds.remove(kind)
-            _swallowed.clear()
-        if kind == BAKE and COMPLETE in ended and any(ended[COMPLETE] - at < _STOPS_WITHIN_S for at in _clicks):
+            kinds.remove(kind)
+            _swallowed().clear()
+        if kind == BAKE and COMPLETE in ended and any(ended[COMPLETE] - at < _STOPS_WITHIN_S for at in _clicks()):
             ended[CANCEL] = ended.pop(COMPLETE)
     return ended
 
@@ -189,7 +190,7 @@ class PATCHNET_OT_await_bake(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Begin to wait; no other operator gets the event that ended the step before, so an Esc is noted."""
         if escaped(event):
-            _swallowed.append(event.type)
+            _swallowed().append(event.type)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 

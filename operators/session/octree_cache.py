@@ -22,6 +22,7 @@ from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ..properties.preferences import apply_preferences, preferences
 from . import results
 from .scene_result import VOXELS, SceneResult
+from .scene_session import session_of
 from .staleness import look_again
 
 if TYPE_CHECKING:
@@ -33,7 +34,6 @@ VARIABLE = "PATCHNET_KEEP"  # GiB, in the place of the preference
 _NOTES = ("scope", "light", "seconds", "encoder", "made_with", "made_by", "notes")  # fields of results
 _AFTER_OPENING_S = 0.1
 _writer = ThreadPoolExecutor(1, "PatchNet cache")  # one thread: an older entry never replaces a newer one
-_looked: set[int] = set()  # session_uids of scenes of the open file that were searched for
 
 
 def keep_on_disk(scene: bpy.types.Scene, result: SceneResult, *, apart: bool = False) -> None:
@@ -57,7 +57,7 @@ def restore(scene: bpy.types.Scene) -> bool:
     result = None if results.result_of(scene) is not None else found_on_disk(scene)
     if result is None:
         return False
-    results.keep(scene, result)
+    results.put(scene, result)
     look_again(result, scene)  # for the camera of the baked gloss; all else is equal
     return True
 
@@ -90,13 +90,12 @@ def found_on_disk(scene: bpy.types.Scene, key: str = "", network: NetworkSetting
 
 def result_or_kept(scene: bpy.types.Scene) -> SceneResult | None:
     """Return the result of `scene`, in background from the cache folder too."""
-    result = results.result_of(scene)
-    if result is None and bpy.app.background and scene.session_uid not in _looked:
-        _looked.add(scene.session_uid)
+    session = session_of(scene)
+    if session.result is None and bpy.app.background and not session.looked:
+        session.looked = True
         with suppress(PatchNetError):  # such as missing weights, which the job reports
             restore(scene)
-        result = results.result_of(scene)
-    return result
+    return session.result
 
 
 def limit_bytes() -> int:
@@ -150,7 +149,6 @@ def _result(found: CachedOctree, state: SceneState) -> SceneResult:
 
 @persistent
 def _on_load_post(*_: object) -> None:
-    _looked.clear()
     if not bpy.app.background and not bpy.app.timers.is_registered(_restore_shown):
         bpy.app.timers.register(_restore_shown, first_interval=_AFTER_OPENING_S)
 
@@ -170,11 +168,5 @@ TIMERS = (_restore_shown,)
 
 
 def register() -> None:
-    """Start caching results, and restore those of the open file."""
-    results.listeners.append(keep_on_disk)
+    """Restore results of the open file."""
     _on_load_post()
-
-
-def unregister() -> None:
-    """Stop caching results."""
-    results.listeners.remove(keep_on_disk)

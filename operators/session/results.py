@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Results of scenes, which operators keep and read; `staleness.py` compares them with the scene."""
+"""Results of scenes, which panels and operators read; `keep.py` keeps new ones, `staleness.py` compares them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -13,16 +12,12 @@ from ...patchnet_addon.export.fine_light import noise_text
 from ...patchnet_addon.octree.exposure import exposure_text
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.quantities import counted, error_text
-from ..scene.track import track_key
 from ..scene_access.lengths import length_text
-from ..settings.job_settings import recorded
-from ..state.watch import changes_meanwhile
 from .scene_result import SceneResult
 from .scene_session import in_main_thread, session_of
 
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.coded_octree import CodedOctree
-    from ..settings.job_settings import JobSettings
 
 _LIGHTS = {"none": "none, the surface's own color", "cycles": "Cycles", "two-lights": "Two Lights"}
 _STEPS = {
@@ -31,8 +26,6 @@ _STEPS = {
 }  # fmt: skip
 NO_VOXELS = "There are no voxels yet: run Voxelize first"
 NO_CODES = "Look-ahead is not prepared yet: run Prepare Look-Ahead first"
-# Called with a scene and its result after each step but a view.
-listeners: list[Callable[[bpy.types.Scene, SceneResult], None]] = []
 
 
 def summary(result: SceneResult, scene: bpy.types.Scene) -> list[str]:
@@ -85,22 +78,11 @@ def codes_of(scene: bpy.types.Scene) -> CodedOctree:
     return coded
 
 
-def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str, settings: JobSettings | None = None) -> None:
-    """Replace the result of `scene`. `steps`: done now with `settings`, of "octree", "light", "codes", "view"."""
-    if settings is not None:
-        result.made_by = result.made_by | {step: settings.key(step) for step in steps if step != "view"}
-        if "octree" in steps:
-            result.made_by["track"] = track_key(scene, settings.surface.fitted_track)
-    result.made_with = result.made_with | {step: recorded(scene.patchnet, step) for step in steps}
-    if {"octree", "light"} & set(steps):
-        for change in changes_meanwhile():
-            result.see(change)
+def put(scene: bpy.types.Scene, result: SceneResult) -> None:
+    """Replace the result of `scene`."""
     result.summary = summary(result, scene)
     session_of(scene).result = result
     redraw_viewports()
-    if {"octree", "light", "codes"} & set(steps):
-        for listener in listeners:
-            listener(scene, result)
 
 
 def without_view(result: SceneResult) -> SceneResult:

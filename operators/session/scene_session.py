@@ -16,14 +16,13 @@ from bpy.app.handlers import persistent
 
 from ...patchnet_addon.runtime.heap import resident_bytes, trim
 from ..scene_access.own import is_own
+from ..scene_access.window_state import Part
 
 if TYPE_CHECKING:
     from ...patchnet_addon.image.cube_map import CubeMap
     from ..pipeline.estimate import Estimate
     from .scene_result import SceneResult
     from .shown_view import ShownView
-
-_sessions: dict[int, SceneSession] = {}  # by session_uid of the scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +39,8 @@ class SceneSession:
     """State that is kept of one scene.
 
     result: octree, light and codes. estimate: the last one. views: by name of their camera, for overlay and inspection.
-    made_frame: result of the last rendered frame with an octree of its own. world: its light in all directions.
+    made_frame: result of the last rendered frame with an octree of its own. world: its light in all directions. looked:
+    the cache folder was searched for a result.
     """
 
     result: SceneResult | None = None
@@ -48,30 +48,31 @@ class SceneSession:
     views: dict[str, ShownView] = field(default_factory=dict)
     made_frame: SceneResult | None = None
     world: KeyedMap | None = None
+    looked: bool = False
 
     def free(self) -> None:
         """Drop all but the estimate."""
         self.result = self.made_frame = self.world = None
         self.views.clear()
 
-    def free_frames(self) -> None:
-        """Free the results of rendered frames."""
-        self.made_frame = None
+
+_sessions = Part("sessions", dict[int, SceneSession])  # by session_uid of the scene
 
 
 def session_of(scene: bpy.types.Scene) -> SceneSession:
     """Session of a scene, a new one where there was none."""
-    found = _sessions.get(scene.session_uid)
+    sessions = _sessions()
+    found = sessions.get(scene.session_uid)
     if found is None:
         _close_deleted()
-        found = _sessions[scene.session_uid] = SceneSession()
+        found = sessions[scene.session_uid] = SceneSession()
     return found
 
 
 def open_sessions() -> list[SceneSession]:
     """Sessions of all scenes of the file."""
     _close_deleted()
-    return list(_sessions.values())
+    return list(_sessions().values())
 
 
 def in_main_thread() -> bool:
@@ -83,21 +84,17 @@ def _close_deleted() -> None:
     """Close sessions of deleted scenes; only the main thread reads the file."""
     if in_main_thread():
         there = {scene.session_uid for scene in bpy.data.scenes}
-        for number in [number for number in _sessions if number not in there]:
-            del _sessions[number]
+        sessions = _sessions()
+        for number in [number for number in sessions if number not in there]:
+            del sessions[number]
 
 
 @persistent
 def _on_load(_path: str) -> None:
-    _sessions.clear()
+    _sessions().clear()
 
 
 HANDLERS = (("load_post", _on_load),)
-
-
-def unregister() -> None:
-    """Close all sessions."""
-    _sessions.clear()
 
 
 class Held(NamedTuple):

@@ -16,7 +16,7 @@ from bpy.app.handlers import persistent
 from ..scene_access.own import is_own, is_quiet
 from ..state.block_hashes import GLOSS_MOVED, place_of_gloss
 from ..state.scene_state import LIGHT, SURFACE, SceneState, scene_state
-from ..state.watch import note_update
+from ..state.watch import change_monitor
 from . import results
 from .scene_result import VIEW, SceneResult
 from .scene_session import in_main_thread, session_of
@@ -32,7 +32,7 @@ def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Compare soon; mark results at once that are not compared while the user works."""
     if is_quiet() or not in_main_thread():
         return
-    note_update(scene)
+    change_monitor().note_update(scene)
     session = session_of(scene)
     if (session.result is not None or session.estimate is not None) and _has_edits(depsgraph):
         _may_have_changed(scene)

@@ -27,16 +27,15 @@ from ..scene.fingerprint import world_hash
 from ..scene_access.frames import values_of_graph
 from ..scene_access.own import quiet
 from ..scene_access.window_job import BAKE, in_window, job_is_running
-from .results import listeners, redraw_viewports
+from ..scene_access.window_state import Part
+from .results import redraw_viewports
 from .scene_session import KeyedMap, session_of
 
 _AGAIN_S, _BETWEEN_S = 0.5, 0.2
 _POLL_S = 0.05  # of a waiting render
 _PATIENCE_S = 60.0  # after which a render stops waiting for an idle window
-_ENGINE = "PATCHNET"  # as in `render_engine/engine.py`
 _UNSEEN = "Black is shown behind objects: {}"
 _BUSY = "Blender's window was busy for too long: render again"
-_wanted: list[_Wanted] = []  # the last one is made first: those of renders
 
 
 @dataclass(eq=False)
@@ -47,6 +46,9 @@ class _Wanted:
     steps: Steps[None]
     depsgraph: bpy.types.Depsgraph | None = None
     seen_at: float = 0.0
+
+
+_wanted = Part("maps", list[_Wanted])  # the last one is made first: those of renders
 
 
 def awaited_background(depsgraph: bpy.types.Depsgraph, camera: Camera, *, baked: bool) -> Steps[Background]:
@@ -63,10 +65,10 @@ def awaited_background(depsgraph: bpy.types.Depsgraph, camera: Camera, *, baked:
     if session.world is None or session.world.key != key:
         scene = depsgraph.scene.original
         asked = _Wanted(scene.name, _kept(scene, seen, key), depsgraph, time.monotonic())
-        _wanted.append(asked)
+        _wanted().append(asked)
         _start()
         try:
-            while asked in _wanted and time.monotonic() - asked.seen_at < _PATIENCE_S:
+            while asked in _wanted() and time.monotonic() - asked.seen_at < _PATIENCE_S:
                 yield Progress(0, 1, f"{camera.name}: World", waiting=True)
                 time.sleep(_POLL_S)
         finally:
@@ -82,8 +84,8 @@ def ask_for_map(scene: bpy.types.Scene) -> None:
     """Request the map of a scene's world, in a window."""
     if bpy.app.background:
         return
-    if sum(each.scene == scene.name for each in _wanted) < 2:  # one may be in the making, of the former world
-        _wanted.insert(0, _Wanted(scene.name, keep_map(scene.name)))
+    if sum(each.scene == scene.name for each in _wanted()) < 2:  # one may be in the making, of the former world
+        _wanted().insert(0, _Wanted(scene.name, keep_map(scene.name)))
     _start()
 
 
@@ -94,14 +96,14 @@ def _start() -> None:
 
 def _drop(wanted: _Wanted) -> None:
     with suppress(ValueError):  # it has ended
-        _wanted.remove(wanted)
+        _wanted().remove(wanted)
 
 
 def _make_maps() -> float | None:
     """Make one part of a map; the map of a waiting render goes first."""
-    if not _wanted:
+    if not _wanted():
         return None
-    wanted = _wanted[-1]
+    wanted = _wanted()[-1]
     if job_is_running(BAKE) or (wanted.depsgraph is None and job_is_running()):
         return _AGAIN_S
     wanted.seen_at = time.monotonic()
@@ -145,22 +147,6 @@ def _kept(scene: bpy.types.Scene, seen: SeenWorld, key: str) -> Steps[None]:
         session.world = KeyedMap(key, None, str(error))
         event("warning", _UNSEEN.format(error), logging.WARNING)
     redraw_viewports()
-
-
-def _after_step(scene: bpy.types.Scene, _result: object) -> None:
-    if scene.render.engine == _ENGINE:
-        ask_for_map(scene)
-
-
-def register() -> None:
-    """Make maps after each step of a job, where our engine renders: a render in the window may come next."""
-    listeners.append(_after_step)
-
-
-def unregister() -> None:
-    """Make no more maps."""
-    listeners.remove(_after_step)
-    _wanted.clear()
 
 
 TIMERS = (_make_maps,)

@@ -13,40 +13,36 @@ from dataclasses import dataclass, replace
 import bpy
 
 from ...patchnet_addon.runtime.errors import SceneError
+from ..scene_access.window_state import Part
 from .block_hashes import place_of_gloss
 from .scene_state import Change, SceneState, scene_state
 
-_monitor: SceneChangeMonitor | None = None  # of the job in a window
 
-
-@dataclass
+@dataclass(eq=False)
 class SceneChangeMonitor:
-    """State of the scene when a job read it, None before that; edited: Blender reported an update since.
+    """State of the scene when the job in a window read it, None before that.
 
-    scene: its session_uid.
+    scene: its session_uid, None while no job works. edited: Blender reported an update since.
     """
 
-    scene: int
+    scene: int | None = None
     state: SceneState | None = None
     edited: bool = False
 
+    def begin(self, scene: bpy.types.Scene) -> None:
+        """Monitor a scene until `end`."""
+        self.scene, self.state, self.edited = scene.session_uid, None, False
 
-def begin(scene: bpy.types.Scene) -> None:
-    """Monitor a scene for the job in a window, until `end`."""
-    global _monitor
-    _monitor = SceneChangeMonitor(scene.session_uid)
+    def end(self) -> None:
+        """End with the job."""
+        self.scene = self.state = None
+
+    def note_update(self, scene: bpy.types.Scene) -> None:
+        """Note that Blender reported an update of a scene, to compare it later."""
+        self.edited |= self.scene == scene.session_uid
 
 
-def end() -> None:
-    """End the monitor with its job."""
-    global _monitor
-    _monitor = None
-
-
-def note_update(scene: bpy.types.Scene) -> None:
-    """Note that Blender reported an update of a scene, to compare it later."""
-    if _monitor is not None and _monitor.scene == scene.session_uid:
-        _monitor.edited = True
+change_monitor = Part("change_monitor", SceneChangeMonitor)
 
 
 def read_state(
@@ -69,20 +65,22 @@ def read_state(
     state = scene_state(scene, layer, chosen if selected else None, selected=selected and chosen is None)
     if gloss_from_camera:
         state = replace(state, gloss_from=place_of_gloss(scene))
-    if _monitor is not None and is_main:
-        _monitor.state, _monitor.edited = state, False
+    monitor = change_monitor()
+    if monitor.scene is not None and is_main:
+        monitor.state, monitor.edited = state, False
     return state
 
 
 def changes_meanwhile() -> list[Change]:
     """List changes of the scene since the current job read it; none in Edit Mode, in which mesh data are empty."""
-    if _monitor is None or _monitor.state is None or not _monitor.edited:
+    monitor = change_monitor()
+    if monitor.state is None or not monitor.edited:
         return []
-    scene = next(each for each in bpy.data.scenes if each.session_uid == _monitor.scene)
+    scene = next(each for each in bpy.data.scenes if each.session_uid == monitor.scene)
     if any(item.mode == "EDIT" for item in scene.objects):
         return []
-    now = scene_state(scene, _monitor.state.layer, _monitor.state.chosen)
-    return _monitor.state.differences(now, scene)
+    now = scene_state(scene, monitor.state.layer, monitor.state.chosen)
+    return monitor.state.differences(now, scene)
 
 
 def check_unchanged() -> None:

@@ -7,7 +7,7 @@ import bpy
 
 from ...patchnet_addon.export.vdb import vdb_module_name
 from ...patchnet_addon.runtime.quantities import bytes_text, counted
-from ..jobs.job_operator import JobOperator
+from ..jobs.job_operator import job_in_window
 from ..scene_access.images import PICTURES
 from ..schema.table import TABLE
 from ..session import results
@@ -42,13 +42,14 @@ class PATCHNET_PT_main(tab.Tab, bpy.types.Panel):
                 tab.draw_setting(row, values, name)
         row = layout.row()
         row.scale_y = 1.5
-        if JobOperator.running:
-            tab.draw_progress(row)
+        job = job_in_window()
+        if job.display is not None:
+            tab.draw_progress(row, job.display)
         else:
             row.operator("patchnet.run_all", icon="PLAY")
             layout.operator("patchnet.fly_through", icon="RENDER_ANIMATION")
         result = results.result_of(context.scene)
-        running = JobOperator.running == "Preview Selection"
+        running = job.title == "Preview Selection"
         if result is not None and (text := results.unfinished_text(result, running=running)):
             tab.draw_sentence(layout, context, text, "INFO")
         _draw_pictures(layout, context)

@@ -10,7 +10,7 @@ import blf
 import bpy
 
 from ...patchnet_addon.runtime.quantities import counted
-from ..jobs.job_operator import JobOperator
+from ..jobs.job_window import JobDisplay
 from ..schema.named import named_settings
 from ..schema.setting import Kind
 from ..schema.table import COMBINED, TABLE
@@ -170,10 +170,9 @@ def _lines(text: str, width: float, scale: float) -> list[str]:
     return lines
 
 
-def draw_progress(layout: bpy.types.UILayout) -> None:
+def draw_progress(layout: bpy.types.UILayout, job: JobDisplay) -> None:
     """Draw the job's progress, or its step if progress is unknown, and how to stop it."""
-    what = JobOperator.running if JobOperator.fraction else JobOperator.step
-    layout.progress(factor=JobOperator.fraction, text=f"{what}: Esc stops")
+    layout.progress(factor=job.whole or 0.0, text=f"{job.title if job.whole else job.progress.label}: Esc stops")
 
 
 def draw_stale(layout: bpy.types.UILayout, context: bpy.types.Context, *steps: str) -> None:

@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(registered: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of kernels, with none in it."""
     monkeypatch.setattr(ahead, "_mark", lambda: tmp_path / "all-kernels")
     return tmp_path

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from patchnet.operators import overlay
-from patchnet.operators.jobs.job_operator import JobOperator
+from patchnet.operators.jobs.job_operator import job_in_window
+from patchnet.operators.jobs.job_window import JobDisplay
 from patchnet.operators.pipeline import lit_octree
 from patchnet.operators.render_engine.coarse_light import COARSE
 from patchnet.operators.render_engine.viewport import Viewport
@@ -64,8 +65,8 @@ def job(scene: bpy.types.Scene, cache: Path, monkeypatch: pytest.MonkeyPatch) ->
     window = SimpleNamespace(app=SimpleNamespace(background=False), data=bpy.data, context=bpy.context)
     monkeypatch.setattr(overlay, "bpy", window)
     made = Job()
-    monkeypatch.setattr(JobOperator, "in_window", made)
-    monkeypatch.setattr(JobOperator, "running", made.bl_label)
+    monkeypatch.setattr(job_in_window(), "operator", made)
+    monkeypatch.setattr(job_in_window(), "display", JobDisplay(made.bl_label))
     return made
 
 
@@ -109,7 +110,7 @@ def test_a_stopped_job_leaves_its_last_round_and_goes_on(
     steps = job.steps()
     left = until_kept(steps)
     steps.close()
-    monkeypatch.setattr(JobOperator, "running", "")
+    monkeypatch.setattr(job_in_window(), "display", None)
     (view,) = session_of(scene).views.values()
     assert results.voxels_of(scene) is left and left.unfinished and left.lookahead_share is not None and images()
     assert view.octree() is left.octree and view.has(HEATMAP) and view.has(REFINED)
@@ -149,7 +150,7 @@ def test_a_job_that_refines_further_shows_nothing_noisier(
 
 
 def test_nobody_looks_in_background(job: Job, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(JobOperator, "in_window", None)
+    monkeypatch.setattr(job_in_window(), "operator", None)
     assert all(results.result_of(scene) is None for _ in job.steps())
     assert not results.voxels_of(scene).unfinished and job._noise == ""
 

@@ -49,6 +49,8 @@ from patchnet.tests.engine.yard_scene import yard_octree
 from patchnet.training.benchmarks.shells import shell_triangles
 from patchnet.training.commands.benches.gpu import compare_estimates, compare_with
 
+pytestmark = pytest.mark.usefixtures("registered")
+
 SIZE = 256, 256
 
 
@@ -380,15 +382,15 @@ def test_octrees_come_to_the_card_step_by_step_and_go_with_their_results(monkeyp
         assert not cards.is_coming(octree) and cards.why_cpu(octree) == ""
         until(lambda: cards.codes_on_card(coded)[0], lambda: None)
         again = replace(coded, codes=coded.codes + 0)
-        before = cards._cards[octree].octree._bound["codes"]
+        before = cards._cards()[octree].octree._bound["codes"]
         until(lambda: cards.codes_on_card(again)[0], lambda: None)
-        assert cards._cards[octree].octree._bound["codes"] is not before
+        assert cards._cards()[octree].octree._bound["codes"] is not before
         cards.give_up(octree, "it broke")
         assert cards.card_of(bpy.context, octree) is None and cards.why_cpu(octree).endswith(": it broke")
 
     with_gpu(work)
     gc.collect()
-    assert not cards._cards
+    assert not cards._cards()
 
 
 def test_what_is_on_its_way_can_be_freed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -397,7 +399,7 @@ def test_what_is_on_its_way_can_be_freed(monkeypatch: pytest.MonkeyPatch) -> Non
     with_gpu(lambda: cards.card_of(bpy.context, octree))
     assert cards.is_coming(octree)
     cards.free_coming()
-    assert not cards._cards
+    assert not cards._cards()
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,11 @@ import bpy
 import pytest
 
 from patchnet.operators.jobs import job_operator
-from patchnet.operators.jobs.job_operator import JobOperator
+from patchnet.operators.jobs.job_operator import JobOperator, job_in_window
 from patchnet.patchnet_addon.runtime.progress import Progress
 from patchnet.patchnet_addon.runtime.worker import computed
+
+pytestmark = pytest.mark.usefixtures("registered")
 
 
 class Window:
@@ -90,12 +92,12 @@ def test_runs_to_the_end_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(job_operator, "SLICE_S", 1e-9)
     window, operator = Window(), Counting(5)
     assert operator.invoke(window, event("LEFTMOUSE")) == {"RUNNING_MODAL"}
-    assert JobOperator.running == "Count" and window.timers == ["timer"]
+    assert job_in_window().title == "Count" and window.timers == ["timer"]
     states = [operator.modal(window, event("TIMER")) for _ in range(6)]
     assert states == [{"RUNNING_MODAL"}] * 5 + [{"FINISHED"}]
     assert operator.reports == [({"INFO"}, "5 steps")] and operator.closed
     assert window.texts[0] == "PatchNet: Counting 0 of 5   (Esc stops)" and window.texts[-1] is None
-    assert JobOperator.running == "" and window.timers == []
+    assert job_in_window().title == "" and window.timers == []
 
 
 class Known(Counting):
@@ -115,7 +117,7 @@ def test_there_is_one_percentage_which_never_falls(monkeypatch: pytest.MonkeyPat
     window, operator, shares = Window(), Known(0), []
     operator.invoke(window, event("LEFTMOUSE"))
     while operator.modal(window, event("TIMER")) == {"RUNNING_MODAL"}:
-        shares.append(JobOperator.fraction)
+        shares.append(job_in_window().display.whole or 0.0)
     assert shares == [0.0, 0.1, 0.4, 0.4, 0.4]
     assert [text.removeprefix("PatchNet: ").split("   ")[0] for text in window.texts[:-1]] == [
         "A", "B 10 %", "B 40 %", "C 40 %", "D 40 %",
@@ -129,7 +131,7 @@ def test_window_lives_during_a_long_step_and_escape_acts_in_it() -> None:
     assert states == [{"RUNNING_MODAL"}] * 5
     assert window.texts == ["PatchNet: Compiling   (Esc stops)"]
     assert operator.modal(window, event("ESC")) == {"CANCELLED"}
-    assert operator.closed and JobOperator.running == "" and not operator.go.is_set()
+    assert operator.closed and job_in_window().title == "" and not operator.go.is_set()
     assert operator.thread.is_alive() and operator.thread is not threading.main_thread()
     operator.go.set()
     operator.thread.join(60.0)
@@ -147,4 +149,4 @@ def test_unexpected_errors_are_raised_and_leave_no_timer() -> None:
     operator.invoke(window, event("LEFTMOUSE"))
     with pytest.raises(ZeroDivisionError):
         operator.modal(window, event("TIMER"))
-    assert operator.closed and JobOperator.running == "" and window.timers == []
+    assert operator.closed and job_in_window().title == "" and window.timers == []

@@ -72,16 +72,16 @@ def test_operators_of_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path))
     own = fill(tmp_path)
     assert bpy.ops.patchnet.measure_cache() == {"FINISHED"}
-    assert preferences.PatchNetPreferences.cache_size == size_text(cache_size(tmp_path))
+    assert preferences.cache_size_text() == [size_text(cache_size(tmp_path))]
     assert bpy.ops.patchnet.clear_cache() == {"FINISHED"}
-    assert preferences.PatchNetPreferences.cache_size.startswith("0.0 MiB") and all(path.exists() for path in own)
+    assert preferences.cache_size_text()[0].startswith("0.0 MiB") and all(path.exists() for path in own)
 
 
 def test_preferences_draw() -> None:
-    preferences.PatchNetPreferences.cache_size = ""
+    preferences.cache_size_text().clear()
     texts = drawn(preferences.PatchNetPreferences)
     assert "Size not measured" in texts and "patchnet.clear_cache" in texts and "patchnet.copy_diagnostics" in texts
-    preferences.PatchNetPreferences.cache_size = "1.0 MiB"
+    preferences.cache_size_text()[:] = ["1.0 MiB"]
     assert "1.0 MiB" in drawn(preferences.PatchNetPreferences)
 
 

@@ -58,7 +58,7 @@ def test_a_map_that_comes_later_stands_behind_what_is_traced(slices: int | None)
     assert later.done and missed.any() and (later.pixels().reshape(-1, 4)[missed, :3] == WORLD).all()
 
 
-def test_a_viewport_is_left_to_the_next_engine_of_its_region() -> None:
+def test_a_viewport_is_left_to_the_next_engine_of_its_region(registered: None) -> None:
     """For as long as one or two looks at the time, of which drawing comes between."""
     viewport = Viewport()
     viewport.region = 17
@@ -80,4 +80,3 @@ def test_a_viewport_is_left_to_the_next_engine_of_its_region() -> None:
     for _ in range(2):
         viewports._free()
     assert viewports.left_in(region) is None
-    viewports.unregister()

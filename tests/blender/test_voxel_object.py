@@ -111,7 +111,7 @@ def test_pictures_show_colour(scene: bpy.types.Scene, display: str, tmp_path: Pa
     """Every pixel of one sample shows exactly one voxel, whatever light there is in the scene."""
     result = results.voxels_of(scene)
     chroma = np.random.default_rng(0).integers(30, 128, (result.octree.node_count, 2)).astype(np.uint8)
-    results.keep(scene, replace(result, octree=replace(result.octree, chroma=chroma)))
+    results.put(scene, replace(result, octree=replace(result.octree, chroma=chroma)))
     bpy.ops.patchnet.show_voxels(level=4, display=display)
     cloud = voxel_cloud(results.voxels_of(scene).octree, 4)
     assert np.ptp(cloud.color, axis=1).max() > 0.2

@@ -115,7 +115,7 @@ def split():
     with bpy.context.temp_override(window=clicks.window(), area=area, region=pane):
         bpy.ops.screen.region_quadview()
     yield from clicks.wait_for(lambda: len(viewports) >= 4 and settled(), "four views have all samples", 240.0)
-    seen["octrees on the card"] = len(module("gpu_view.cards")._cards)
+    seen["octrees on the card"] = len(module("gpu_view.cards")._cards())
     with bpy.context.temp_override(window=clicks.window(), area=area, region=clicks.region("WINDOW")):
         bpy.ops.screen.region_quadview()
     yield 3.0
@@ -161,7 +161,7 @@ def turning():
 
 def inspect():
     """Values of the pixel in the middle of the view, over the heatmap."""
-    inspected, pane = module("overlay.drawing").inspected, clicks.region("WINDOW")
+    inspected, pane = module("overlay.overlay_settings").overlay_state().inspected, clicks.region("WINDOW")
     x, y = pane.x + pane.width // 2, pane.y + pane.height // 2
     yield from clicks.move(x, y)
     with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=pane):
@@ -185,7 +185,7 @@ def two_views():
     yield 1.0
     for area in views():
         area.spaces.active.shading.type = "RENDERED"
-    heats = module("overlay.drawing").live
+    heats = module("overlay.overlay_settings").overlay_state().heatmaps
     yield from clicks.wait_for(lambda: sum(heat.shown is not None for heat in heats.values()) >= 2, "two heatmaps")
 
 
@@ -244,7 +244,7 @@ def no_room():
     assert card_bytes(octree) > 1.01 * card_bytes(octree.without_pieces())
     values.card_gib = 1.001 * card_bytes(octree.without_pieces()) / (1 << 30)
     clicks.area("VIEW_3D").tag_redraw()
-    cards = module("gpu_view.cards")._cards
+    cards = module("gpu_view.cards")._cards()
     yield from clicks.wait_for(lambda: (card := cards[octree].octree) and not card.exact, "boxes on the card", 60.0)
     yield from clicks.wait_for(lambda: any(ended_exactly(v) for v in viewports), "CPU", 120.0)
     seen["exact by the CPU"] = True
@@ -262,14 +262,14 @@ def workspaces():
     yield 1.0
     clicks.area("VIEW_3D").tag_redraw()
     yield from clicks.wait_for(rested, "back again")
-    seen["octrees after workspaces"] = len(module("gpu_view.cards")._cards)
+    seen["octrees after workspaces"] = len(module("gpu_view.cards")._cards())
 
 
 def freed():
     """Free Memory frees the card, too."""
     viewports.clear()  # those of the quad view have ended
     bpy.ops.patchnet.clear_results()
-    yield from clicks.wait_for(lambda: not module("gpu_view.cards")._cards, "nothing is on the card", 30.0)
+    yield from clicks.wait_for(lambda: not module("gpu_view.cards")._cards(), "nothing is on the card", 30.0)
 
 
 def reloaded():
@@ -285,7 +285,7 @@ def reloaded():
     bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
     yield 3.0
     module("session.scene_session").give_back()
-    seen["octrees after another file"] = len(module("gpu_view.cards")._cards)
+    seen["octrees after another file"] = len(module("gpu_view.cards")._cards())
     for step in ("voxelize", "bake_light"):  # of the file that was saved while the view turned
         getattr(bpy.ops.patchnet, step)()
     for area in views():

@@ -85,7 +85,8 @@ def watched(until) -> clicks.Session:
     while not until():
         if bpy.app.is_job_running("RENDER"):
             watch["ticks"] += 1
-            watch["fractions"].add(round(module("jobs.job_operator").JobOperator.fraction, 6))
+            job = module("jobs.job_operator").job_in_window().display
+            watch["fractions"].add(round(job.whole or 0.0, 6) if job else 0.0)
             if watch["ticks"] % 10 == 0:  # without a graphics card drawing takes longer than all else
                 clicks.area("VIEW_3D").tag_redraw()
         yield 0.02

@@ -96,7 +96,7 @@ def escape_at_once() -> clicks.Session:
 def stop_button() -> clicks.Session:
     """Blender's own stop button, in the status bar beside the progress of its bake."""
     yield from start(LONG)
-    share = module("jobs.job_operator").JobOperator.in_window._display
+    share = module("jobs.job_operator").job_in_window().display
     yield from clicks.wait_for(lambda: share.progress.label == "Refining light, round 4", "a long round begins", 240.0)
     yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes")
     yield 1.0
@@ -110,7 +110,7 @@ def stop_button() -> clicks.Session:
 def edit_meanwhile() -> clicks.Session:
     """A script changes what is baked: the job ends with a sentence, and keeps no light of a scene that is none."""
     yield from start(LONG)
-    watch = module("state.watch")._monitor
+    watch = module("state.watch").change_monitor()
     clicks.window().scene.objects["Sun"].rotation_euler.x += 0.1
     yield from clicks.wait_for(lambda: not running(), "the job ends", 60.0)
     yield 0.3
@@ -143,7 +143,7 @@ def resume() -> clicks.Session:
     """Esc after the first round; the next job goes on there."""
     clicks.window().scene.objects["Sun"].data.energy *= 1.1  # of which no light is there
     yield from start(LONG)
-    share = module("jobs.job_operator").JobOperator.in_window._display
+    share = module("jobs.job_operator").job_in_window().display
     yield from clicks.wait_for(lambda: share.progress.label.startswith("Refining light"), "the first round ends", 240.0)
     yield from stop()
     heard.begun.clear()

@@ -95,7 +95,7 @@ def rendered(engine: str) -> clicks.Session:
     yield from start(ENDLESS)
     scene.cycles.samples = 512
     render(48, 32, engine)
-    display = module("jobs.job_operator").JobOperator.in_window._display
+    display = module("jobs.job_operator").job_in_window().display
     notes = set()
     while not ended:
         notes.add(display.progress.note)

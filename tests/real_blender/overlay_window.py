@@ -7,17 +7,19 @@ Writes OUT/overlay.json, a value for each thing that was seen, and screenshots b
 docs/pictures/overlay.jpg is the viewport in overlay-inspect.png.
 """
 
+import gc
 import math
 import subprocess
 import sys
 from pathlib import Path
+from weakref import ref
 
 import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, PACKAGE, Visit, choose, module
+from visits import OUT, PACKAGE, Visit, choose, modal, module, result
 
 SIZE = (48, 32)
 SAMPLES = ((0.15, 0.5), (0.3, 0.55), (0.7, 0.5), (0.8, 0.6))  # places in the frame, off legends and titles
@@ -136,7 +138,7 @@ def doubled():
 
 def inspect():
     """The pixel under the mouse; a right click ends it."""
-    inspected, region = module("overlay.drawing").inspected, clicks.region("WINDOW")
+    inspected, region = module("overlay.overlay_settings").overlay_state().inspected, clicks.region("WINDOW")
     _, (rect,) = framed("VIEW_3D")
     x, y = int(region.x + rect.left + 0.3 * rect.width), int(region.y + rect.bottom + 0.55 * rect.height)
     in_area("VIEW_3D", bpy.ops.patchnet.inspect_pixels, "INVOKE_DEFAULT")
@@ -237,15 +239,33 @@ def automatic():
 
 def end():
     """A moved camera is marked; free memory ends all."""
-    settings, textures, kept = module("overlay.overlay_settings"), module("overlay.paint"), module("session.views")
+    textures, kept = module("overlay.paint").textures().of_view, module("session.views")
     scene = clicks.window().scene
     session = module("session.scene_session").session_of(scene)
     scene.camera.location.x += 0.3
     yield from shot("overlay-stale")
     seen["stale"] = kept.why_stale(scene, session.views["Eye"])
-    seen["drawing"] = [textures.texture_of.cache_info().currsize > 0, settings.problem]
+    seen["drawing"] = [textures.cache_info().currsize > 0, module("overlay.overlay_settings").overlay_state().problem]
     in_area("VIEW_3D", bpy.ops.patchnet.clear_results)
-    seen["cleared"] = [textures.texture_of.cache_info().currsize, bool(session.views)]
+    seen["cleared"] = [textures.cache_info().currsize, bool(session.views)]
+
+
+def disabled():
+    """The extension is disabled while the overlay is drawn and pixels are inspected, and enabled again."""
+    in_area("VIEW_3D", bpy.ops.patchnet.run_all)
+    bpy.context.window_manager.patchnet_overlay.show_viewport = True
+    in_area("VIEW_3D", bpy.ops.patchnet.inspect_pixels, "INVOKE_DEFAULT")
+    yield from shot("overlay-before")
+    settings, textures = module("overlay.overlay_settings"), ref(module("overlay.paint").textures())
+    drawn, state = textures().of_view.cache_info().currsize > 0, ref(settings.overlay_state())
+    bpy.ops.preferences.addon_disable(module=PACKAGE)
+    yield from clicks.move(*clicks.over_viewport())
+    gc.collect()
+    kept = hasattr(bpy.types.WindowManager, "patchnet_window")
+    seen["disabled"] = {"drawn": drawn, "kept": [kept, state(), textures()], "modal": modal()}
+    bpy.ops.preferences.addon_enable(module=PACKAGE)
+    yield from shot("overlay-enabled")
+    seen["enabled"] = [settings.overlay_state().problem, result() is None]
 
 
 def session():
@@ -255,7 +275,18 @@ def session():
     bpy.context.preferences.addons[PACKAGE].preferences.open_pictures = "NEVER"
     clicks.window().scene.patchnet.background = "black"  # the world is as gray as the viewport that shows through
     in_area("VIEW_3D", bpy.ops.patchnet.run_all)
-    for part in (into_camera, in_viewport, doubled, inspect, drag, unfinished, in_image_editor, automatic, end):
+    for part in (
+        into_camera,
+        in_viewport,
+        doubled,
+        inspect,
+        drag,
+        unfinished,
+        in_image_editor,
+        automatic,
+        end,
+        disabled,
+    ):
         yield from part()
         visit.save(part.__name__)
 

@@ -56,3 +56,8 @@ def test_nothing_is_left(seen: dict) -> None:
     assert seen["stale"] == "the camera changed"
     assert seen["drawing"] == [True, ""]
     assert seen["cleared"] == [0, False]
+
+
+def test_nothing_is_left_by_a_disabled_extension(seen: dict) -> None:
+    assert seen["disabled"] == {"drawn": True, "kept": [False, None, None], "modal": []}
+    assert seen["enabled"] == ["", True]

@@ -23,7 +23,7 @@ def module(name: str) -> ModuleType:
 
 def running() -> str:
     """Title of the job that works now, or ""."""
-    return module("jobs.job_operator").JobOperator.running
+    return module("jobs.job_operator").job_in_window().title
 
 
 def result():

@@ -21,6 +21,7 @@ from ....operators.scene_access.overrides import changed
 from ....operators.scene_access.temporary import scene_copy
 from ....operators.schema.table import VISIBLE
 from ....operators.session import results
+from ....operators.session.keep import keep
 from ....operators.session.scene_result import SceneResult
 from ....operators.settings.job_settings import JobSettings
 from ....patchnet_addon.image.exr import read_exr
@@ -105,7 +106,7 @@ def _set_up(context: bpy.types.Context, settings: JobSettings, cameras: Sequence
     result = SceneResult(
         octree=made.octree, scope=VISIBLE, layout=made.layout, light=made.light, coded=None, state=made.state
     )
-    results.keep(context.scene, result, "octree", "light")
+    keep(context.scene, result, "octree", "light")
 
 
 def _prepare(scene: bpy.types.Scene) -> bool:
