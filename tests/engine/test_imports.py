@@ -152,6 +152,91 @@ def test_no_folders_import_each_other_in_circles(graph: dict[Path, set[Path]]) -
     assert circle(folders) == []
 
 
+CHANGES = frozenset(
+    {"add", "append", "clear", "discard", "extend", "insert", "pop", "popitem", "remove", "setdefault", "update"}
+)
+
+
+def imported_names(path: Path) -> tuple[set[str], set[str]]:
+    """Modules, and other names of modules of this tree, that a module imports."""
+    modules, others = set(), set()
+    for node in imports_in(path):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
+            for alias in node.names:
+                is_module = (base / f"{alias.name}.py").is_file() or (base / alias.name / "__init__.py").is_file()
+                (modules if is_module else others).add(alias.asname or alias.name)
+    return modules, others
+
+
+def written_elsewhere(path: Path) -> list[str]:
+    """Statements of a module that assign to names of other modules or to their parts, or call what changes them."""
+    modules, others = imported_names(path)
+    found = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        changed, least = None, 0
+        if isinstance(node, ast.Attribute | ast.Subscript) and isinstance(node.ctx, ast.Store | ast.Del):
+            changed = node.value
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in CHANGES:
+            changed, least = node.func.value, 1  # a module may have a function of that name
+        depth = 0
+        while isinstance(changed, ast.Attribute | ast.Subscript):
+            changed, depth = changed.value, depth + 1
+        if isinstance(changed, ast.Name) and (changed.id in others or (changed.id in modules and depth >= least)):
+            found.append(f"{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node)}")
+    return found
+
+
+def test_no_module_of_blender_writes_names_of_another() -> None:
+    assert [line for path in modules_of("operators") for line in written_elsewhere(path)] == []
+
+
+def test_such_writing_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "room.py").write_text("shown = {}\nclass Job: pass\n")
+    path = tmp_path / "other.py"
+    written = "room.shown = 1", "room.shown[0] = 1", "shown[0] = heat = 1", "del shown[0]", "Job.title += ''"
+    written += "shown.clear()", "room.shown.pop(0)", "shown[0].heats.append(1)"
+    path.write_text(
+        "\n".join(("from . import room", "from .room import Job, shown", *written, "room.clear()", "Job().a = 1"))
+    )
+    monkeypatch.setattr(f"{__name__}.ROOT", tmp_path)
+    assert [int(line.split(":")[1]) for line in written_elsewhere(path)] == [*range(3, 3 + len(written))]
+
+
+def is_empty(value: ast.expr | None) -> bool:
+    """Return whether an expression is a list, set or dictionary to be filled, or an object without arguments."""
+    if isinstance(value, ast.Call):
+        return not (value.args or value.keywords)
+    return isinstance(value, ast.List | ast.Dict) and not (value.keys if isinstance(value, ast.Dict) else value.elts)
+
+
+def test_state_of_blender_is_parts_of_the_window_state() -> None:
+    """Modules keep none themselves; two count open blocks."""
+    found = []
+    for path in modules_of("operators"):
+        tree = ast.parse(path.read_text())
+        kept = [node for node in tree.body if isinstance(node, ast.Assign | ast.AnnAssign) and is_empty(node.value)]
+        kept += [node for node in ast.walk(tree) if isinstance(node, ast.Global)]
+        found += [f"{path.name}: {ast.unparse(node)}" for node in kept]
+    assert found == ["overrides.py: _changes: list[tuple[Act, Act]] = []", "own.py: global _blocks"]
+
+
+def test_timers_are_those_that_registration_ends() -> None:
+    """Functions that Blender's timers call stand in TIMERS of their module."""
+    for path in modules_of("operators"):
+        tree = ast.parse(path.read_text())
+        started = {
+            ast.unparse(node.args[0])
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "bpy.app.timers.register"
+        }
+        if path.name != "registration.py" and started:
+            (timers,) = (node for node in tree.body if ast.unparse(node).startswith("TIMERS = "))
+            assert started == {ast.unparse(item) for item in timers.value.elts}, path
+            name = ".".join(path.relative_to(ROOT / "operators").with_suffix("").parts)
+            assert f'"{name}",' in (ROOT / "operators" / "registration.py").read_text(), path
+
+
 def test_python_cannot_call_a_device_function():
     """It has no code for that: a call would end the process."""
     with pytest.raises(TypeError, match="ray_of is a device function: call it from a kernel, or its py_func"):
