@@ -17,13 +17,13 @@ _CHILDREN = np.array([value.bit_count() for value in range(256)], np.uint8)
 
 
 @device
-def fits_pixel(voxel_side, pixel_side):  # type: ignore[no-untyped-def]
+def fits_pixel(voxel_side, pixel_side):
     """Return whether a voxel that a ray enters stops it: its side is below two pixel sides there."""
     return voxel_side < 2.0 * pixel_side
 
 
 @device
-def fitting_level(pixel_side):  # type: ignore[no-untyped-def]
+def fitting_level(pixel_side):
     """First level whose voxels fit a pixel of that side, at most MAX_LEVELS."""
     level = 0
     size = 1.0
@@ -40,13 +40,13 @@ def fitting_level_of(pixel_side: np.ndarray | float) -> np.ndarray:
 
 
 @device
-def pixel_voxel_ratio(pixel_side, voxels_per_side):  # type: ignore[no-untyped-def]
+def pixel_voxel_ratio(pixel_side, voxels_per_side):
     """Pixel side over voxel side, clamped to the network's range; voxels_per_side: 2^level (methods 7.8)."""
     return min(max(pixel_side * voxels_per_side, MIN_RATIO), MAX_RATIO)
 
 
 @device
-def has_lookahead(child_mask, first_child, node, lookahead):  # type: ignore[no-untyped-def]
+def has_lookahead(child_mask, first_child, node, lookahead):
     """Return whether `node` has descendants `lookahead` levels down; the compiled form of `Octree.look_ahead`.
 
     Children of consecutive nodes are consecutive, so a node's descendants on a level are one run of nodes.

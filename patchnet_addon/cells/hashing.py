@@ -9,7 +9,7 @@ from ..runtime.kernels import device, kernel
 
 
 @device
-def mixed(h, value):  # type: ignore[no-untyped-def]
+def mixed(h, value):
     """Hash (uint64) of a hash, or another integer, and a further integer, by the finalizer of SplitMix64.
 
     The product keeps pairs of small integers apart, such as levels and faces, of which others have the same XOR.
@@ -26,7 +26,7 @@ def slots_for(count: int) -> np.ndarray:
 
 
 @device
-def row_of_key(slots, keys, key):  # type: ignore[no-untyped-def]
+def row_of_key(slots, keys, key):
     """Row of a key in `keys` (n,) uint64, or -1 - slot of the free slot where it belongs."""
     slot = np.int64((key * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(32)) & np.uint64(len(slots) - 1))
     while slots[slot] > 0:
@@ -38,7 +38,7 @@ def row_of_key(slots, keys, key):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def fill_slots(slots, keys, rows):  # type: ignore[no-untyped-def]
+def fill_slots(slots, keys, rows):
     """Enter some rows (m,) of different keys (n,); slots hold rows + 1, and 0 where they are free."""
     for row in rows:
         slots[-1 - row_of_key(slots, keys, keys[row])] = row + 1

@@ -7,9 +7,12 @@ and on single numbers: `morton_kernels.py` compiles them; this module does not n
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 
 POPCOUNT = np.array([value.bit_count() for value in range(256)], np.uint8)  # children of a node by its child mask
+Bits = TypeVar("Bits", np.ndarray, np.uint64)
 
 
 def morton_encode(cells: np.ndarray) -> np.ndarray:
@@ -30,7 +33,7 @@ def morton_decode_square(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return _gather_pairs(keys), _gather_pairs(keys >> 1)
 
 
-def spread(bits):  # type: ignore[no-untyped-def]
+def spread(bits: Bits) -> Bits:
     """Insert two zero bits between the lowest 21 bits of uint64."""
     bits = (bits | (bits << np.uint64(32))) & np.uint64(0x1F00000000FFFF)
     bits = (bits | (bits << np.uint64(16))) & np.uint64(0x1F0000FF0000FF)
@@ -39,7 +42,7 @@ def spread(bits):  # type: ignore[no-untyped-def]
     return (bits | (bits << np.uint64(2))) & np.uint64(0x1249249249249249)
 
 
-def gather(bits):  # type: ignore[no-untyped-def]
+def gather(bits: Bits) -> Bits:
     """Move bits 0, 3, 6, ... of uint64 together, and leave the others out; inverse of `spread`."""
     bits = bits & np.uint64(0x1249249249249249)
     bits = (bits ^ (bits >> np.uint64(2))) & np.uint64(0x10C30C30C30C30C3)

@@ -117,7 +117,7 @@ def fill_block(nodes, node, lookahead, cells):
 
 
 @device
-def _write_parts(masks, first_children, node, side, half, corner, cells):  # type: ignore[no-untyped-def]
+def _write_parts(masks, first_children, node, side, half, corner, cells):
     """Write the children of a node into its eight parts, `half` cells wide, from a corner on; returns their number.
 
     A leaf fills all parts. All parts are written, which avoids unpredictable branches.

@@ -37,7 +37,7 @@ def corner_cells(octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def _write_all(first, last, nodes, light, level, corners, result):  # type: ignore[no-untyped-def]
+def _write_all(first, last, nodes, light, level, corners, result):
     for corner in range(first, last):
         here = corners[corner]
         x, y, z = 2 * np.int64(here[0]), 2 * np.int64(here[1]), 2 * np.int64(here[2])
@@ -48,7 +48,7 @@ def _write_all(first, last, nodes, light, level, corners, result):  # type: igno
 
 
 @device
-def word_of(nodes, light, node):  # type: ignore[no-untyped-def]
+def word_of(nodes, light, node):
     """Word of the cell that a node fills, -1 for none."""
     if node < 0:
         return np.uint32(EMPTY)
@@ -62,7 +62,7 @@ def word_of(nodes, light, node):  # type: ignore[no-untyped-def]
 
 
 @device
-def _of_sides(light, node, row):  # type: ignore[no-untyped-def]
+def _of_sides(light, node, row):
     """Sum of roots and slopes of a cell's own sides, where a surface faces them."""
     mean = np.sqrt(np.float32(light.luminance[node]) / np.float32(LUMINANCE_SCALE))
     total, slopes = np.float32(0), np.int32(0)
@@ -74,7 +74,7 @@ def _of_sides(light, node, row):  # type: ignore[no-untyped-def]
 
 
 @device
-def _of_children(luminance, mask, first):  # type: ignore[no-untyped-def]
+def _of_children(luminance, mask, first):
     """Sum of roots and slopes of the faces of a cell by its children, the first of them at `first`; a leaf is its own.
 
     Written out: loops with skips take three times as long.
@@ -93,14 +93,14 @@ def _of_children(luminance, mask, first):  # type: ignore[no-untyped-def]
 
 
 @device
-def _child_light(luminance, mask, first, octant):  # type: ignore[no-untyped-def]
+def _child_light(luminance, mask, first, octant):
     """Luminance of a cell's child, -1 for none."""
     child = first + RANKS[mask, octant]
     return np.float32(luminance[max(child, 0)]) * _STEP if child >= 0 else np.float32(-1)
 
 
 @device
-def _slope_of(low, high):  # type: ignore[no-untyped-def]
+def _slope_of(low, high):
     """Steps of the slope between the roots of two opposite faces."""
     half = min(max(np.float32(0.5) * (high - low), np.float32(-0.5)), np.float32(0.5))
     steps = np.int32(np.float32(SLOPE_STEPS) * np.sqrt(np.float32(2) * abs(half)) + np.float32(0.5))
@@ -108,7 +108,7 @@ def _slope_of(low, high):  # type: ignore[no-untyped-def]
 
 
 @device
-def _root_of(a, b, c, d, behind_a, behind_b, behind_c, behind_d):  # type: ignore[no-untyped-def]
+def _root_of(a, b, c, d, behind_a, behind_b, behind_c, behind_d):
     """Root of the luminance of a face of a cell: of the children at it, or behind missing ones, below 0."""
     none, one = np.float32(0), np.float32(1)
     a, b = a if a >= none else behind_a, b if b >= none else behind_b

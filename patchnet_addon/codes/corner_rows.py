@@ -63,7 +63,7 @@ def last_row(table: np.ndarray) -> int:
 
 
 @device
-def corner_row(table, row, octant):  # type: ignore[no-untyped-def]
+def corner_row(table, row, octant):
     """Row in the codes of one corner, x + 2 y + 4 z, of a coded voxel."""
     start = np.int64(table[row, octant >> 2])
     if octant & 2:

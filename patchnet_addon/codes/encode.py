@@ -85,7 +85,7 @@ def encode_corners(octree: Octree, level: int, corners: np.ndarray, layers: Pack
 
 
 @kernel
-def _encode_chunks(first, last, cells, levels, corners, layers, codes):  # type: ignore[no-untyped-def]
+def _encode_chunks(first, last, cells, levels, corners, layers, codes):
     """Encode chunks of corners. cells: `Nodes`, luminance, normal. levels: of the corners; look-ahead."""
     size, width = layers.octants.shape[2], layers.bias.shape[1]
     most = _CHUNK * max(CORNERS * size, width)
@@ -112,7 +112,7 @@ def _encode_chunks(first, last, cells, levels, corners, layers, codes):  # type:
 
 
 @array_device
-def _list_blocks(cells, levels, corners, with_luminance, lists, numbers):  # type: ignore[no-untyped-def]
+def _list_blocks(cells, levels, corners, with_luminance, lists, numbers):
     """List the blocks around corners, and write the number of each one's list into `numbers` (8, C), by octant."""
     level, lookahead = levels
     nodes = np.empty(1 << 3 * lookahead, np.int32)
@@ -136,7 +136,7 @@ def _list_blocks(cells, levels, corners, with_luminance, lists, numbers):  # typ
 
 
 @device
-def _list_block(cells, nodes, with_luminance, lists, place):  # type: ignore[no-untyped-def]
+def _list_block(cells, nodes, with_luminance, lists, place):
     """List the non-zero values of a block's nodes from a place on; returns the next place.
 
     Luminance without effect is left out, so that it takes no products.
@@ -158,14 +158,14 @@ def _list_block(cells, nodes, with_luminance, lists, place):  # type: ignore[no-
 
 
 @device
-def _append(lists, place, column, value):  # type: ignore[no-untyped-def]
+def _append(lists, place, column, value):
     """Write a value, and return the next place; that of a zero is used again, since a branch would be slower."""
     lists.columns[place], lists.values[place] = column, value
     return place + (1 if value != 0 else 0)
 
 
 @device
-def _take_positive(lists, place, sums):  # type: ignore[no-untyped-def]
+def _take_positive(lists, place, sums):
     """List the positive ones of sums (W,) from a place on, which is ReLU, and zero all; returns the next place."""
     for column in range(len(sums)):
         lists.columns[place], lists.values[place] = column, sums[column]
@@ -175,7 +175,7 @@ def _take_positive(lists, place, sums):  # type: ignore[no-untyped-def]
 
 
 @device
-def _add_products(lists, numbers, panels, bias, sums):  # type: ignore[no-untyped-def]
+def _add_products(lists, numbers, panels, bias, sums):
     """Add to sums (C, W) a bias (W,) and the products of lists with a matrix in panels (P, B, 64); numbers: (C,)."""
     depth, width = panels.shape[1], sums.shape[1]
     for panel in range(len(panels)):

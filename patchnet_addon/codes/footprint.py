@@ -72,7 +72,7 @@ def empty_footprint_tile():
 
 
 @device
-def clear_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
+def clear_tile(tile, covered, shown):
     """Mark all cells of a tile as empty; covered, shown: see `measure_tile`."""
     tile.fine[:] = ABSENT
     covered[CHILDREN * TILE : CELLS * TILE] = 0
@@ -80,7 +80,7 @@ def clear_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
 
 
 @device
-def fine_place(place):  # type: ignore[no-untyped-def]
+def fine_place(place):
     """Index in `fine` of a pixel's first grandchild; the next one follows after LANES.
 
     Its three rows of `shares` start at three times that index, without the pixel's lane.
@@ -90,7 +90,7 @@ def fine_place(place):  # type: ignore[no-untyped-def]
 
 
 @device
-def set_frame(frame, axes, entry, direction, up, ratio, view, place):  # type: ignore[no-untyped-def]
+def set_frame(frame, axes, entry, direction, up, ratio, view, place):
     """Write the projection of a pixel into column `place` of a tile's `frame`, and its view in the ray frame into
     `view`.
 
@@ -129,7 +129,7 @@ def set_frame(frame, axes, entry, direction, up, ratio, view, place):  # type: i
 
 
 @device
-def measure_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
+def measure_tile(tile, covered, shown):
     """Write the share of each pixel that the 8 children cover, and their luminances.
 
     covered, shown: (64 * TILE,) float32, rows of children, then of outer cells, which are unchanged.
@@ -142,7 +142,7 @@ def measure_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
 
 
 @device
-def _seen_by(frame, pixel):  # type: ignore[no-untyped-def]
+def _seen_by(frame, pixel):
     """Vectors of the projection of pixels from `pixel` on: right, up, start of the voxel, and half sides."""
     at = _UP * TILE + pixel
     right = load(frame, pixel), load(frame, pixel + TILE), load(frame, pixel + 2 * TILE)
@@ -152,7 +152,7 @@ def _seen_by(frame, pixel):  # type: ignore[no-untyped-def]
 
 
 @device
-def _sums_of_child(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
+def _sums_of_child(tile, seen, child, pixel):
     """Sums, over the columns of a child's own children, of the covered area, and its light.
 
     The second one of a column covers the part that the box of the first leaves free.
@@ -173,13 +173,13 @@ def _sums_of_child(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
 
 
 @device
-def _columns_of(column, pixel):  # type: ignore[no-untyped-def]
+def _columns_of(column, pixel):
     """Axis of a column, and places of a pixel in the rows of its two grandchildren."""
     return _PLACES[3 * column], _PLACES[3 * column + 1] + pixel * CELLS, _PLACES[3 * column + 2] + pixel * CELLS
 
 
 @device
-def _middle(column, behind):  # type: ignore[no-untyped-def]
+def _middle(column, behind):
     """Middle of the face of a column's first grandchild, in lanes of `behind` of the second's, as three vectors."""
     x = select(behind, splat(_MIDDLES[6 * column + 3]), splat(_MIDDLES[6 * column]))
     y = select(behind, splat(_MIDDLES[6 * column + 4]), splat(_MIDDLES[6 * column + 1]))
@@ -187,7 +187,7 @@ def _middle(column, behind):  # type: ignore[no-untyped-def]
 
 
 @device
-def _overlap(frame, seen, middle, axis, pixel):  # type: ignore[no-untyped-def]
+def _overlap(frame, seen, middle, axis, pixel):
     """Area of pixels, in squared sides of the voxel, covered by a face across an axis."""
     (right_x, right_y, right_z), (up_x, up_y, up_z), (start_right, start_up), half = seen
     x, y, z = middle
@@ -201,7 +201,7 @@ def _overlap(frame, seen, middle, axis, pixel):  # type: ignore[no-untyped-def]
 
 
 @device
-def _store_child(seen, sums, covered, shown, at):  # type: ignore[no-untyped-def]
+def _store_child(seen, sums, covered, shown, at):
     """Store the share of each pixel that a child covers, and its luminance, from an index on."""
     half, none = seen[3], splat(np.float32(0))
     area, light = sums

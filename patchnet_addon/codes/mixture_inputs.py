@@ -47,7 +47,7 @@ def empty_fine_list():
 
 
 @device
-def list_fine(nodes, light, node, direction, listed):  # type: ignore[no-untyped-def]
+def list_fine(nodes, light, node, direction, listed):
     """List the grandchildren of a node of `Nodes`, with luminances along a direction; returns their number."""
     numbers, lights = listed.number, listed.light
     scale = np.float32(1.0 / LUMINANCE_SCALE)
@@ -74,7 +74,7 @@ def list_fine(nodes, light, node, direction, listed):  # type: ignore[no-untyped
 
 
 @device
-def _list_box(boxes, row, shares, index):  # type: ignore[no-untyped-def]
+def _list_box(boxes, row, shares, index):
     """Write the shares of the faces of the cell at an index of the list that its box covers."""
     covered, scale = covered_steps(boxes, row), np.float32(1 / STEPS**2)
     for axis in range(3):
@@ -82,7 +82,7 @@ def _list_box(boxes, row, shares, index):  # type: ignore[no-untyped-def]
 
 
 @device
-def place_fine(listed, count, order, tile, place):  # type: ignore[no-untyped-def]
+def place_fine(listed, count, order, tile, place):
     """Write the first `count` cells of a list into column `place` of a cleared `FootprintTile`.
 
     order: `nearby_order`, the number of the ray's frame, and its axes.
@@ -133,7 +133,7 @@ def nearby_order() -> np.ndarray:
 
 
 @device
-def place_pixel(nearby, voxel, ray, work, view, covered, shown, place):  # type: ignore[no-untyped-def]
+def place_pixel(nearby, voxel, ray, work, view, covered, shown, place):
     """Write a pixel's view of a voxel and its surroundings into column `place` of a tile, except its children.
 
     voxel: its node, and the row of its corners. ray: entry, direction, up (3,) and ratio. work: a `FootprintTile`,
@@ -154,7 +154,7 @@ def place_pixel(nearby, voxel, ray, work, view, covered, shown, place):  # type:
 
 
 @device
-def set_ray(ray, tile, view, place):  # type: ignore[no-untyped-def]
+def set_ray(ray, tile, view, place):
     """Write a ray into column `place` of a tile; returns the number of its frame, and the three axes of that."""
     entry, direction, up, ratio = ray
     number, first, second, third = ray_frame(direction[0], direction[1], direction[2])

@@ -82,7 +82,7 @@ def empty_outer_list():
 
 
 @device
-def list_cells(words, start, corner, geometry, listed, count):  # type: ignore[no-untyped-def]
+def list_cells(words, start, corner, geometry, listed, count):
     """Append the occupied cells around a corner, whose words begin at `start`; returns the new length.
 
     geometry: `mask_geometry`. The cell in the voxel itself is skipped.
@@ -101,7 +101,7 @@ def list_cells(words, start, corner, geometry, listed, count):  # type: ignore[n
 
 
 @device
-def unpack_cells(listed, count):  # type: ignore[no-untyped-def]
+def unpack_cells(listed, count):
     """Write the numbers of the first `count` cells of a list; later ones are undefined."""
     words, geometries, numbers, values = listed.word, listed.geometry, listed.number, listed.values
     for axis in range(3):
@@ -116,7 +116,7 @@ def unpack_cells(listed, count):  # type: ignore[no-untyped-def]
 
 
 @device
-def measure_cells(listed, count, ray, covered, shown, order, place):  # type: ignore[no-untyped-def]
+def measure_cells(listed, count, ray, covered, shown, order, place):
     """Write the shares of a pixel that listed cells cover, and their luminances, into column `place` of outer cells.
 
     The cells must be unpacked. ray: entry, direction, up (3,) and ratio. covered, shown: (64 * TILE,) rows of children,
@@ -132,7 +132,7 @@ def measure_cells(listed, count, ray, covered, shown, order, place):  # type: ig
 
 
 @device
-def _measure(listed, count, ray):  # type: ignore[no-untyped-def]
+def _measure(listed, count, ray):
     """Write areas and luminances of the first `count` cells of a list; later ones are undefined."""
     entry, direction, up, ratio = ray
     values, areas, lights = listed.values, listed.covered, listed.shown
@@ -161,14 +161,14 @@ def _measure(listed, count, ray):  # type: ignore[no-untyped-def]
 
 
 @device
-def _three(values, row, first):  # type: ignore[no-untyped-def]
+def _three(values, row, first):
     """Vectors of three rows of numbers, one for each axis."""
     at = row * _LISTED + first
     return load(values, at), load(values, at + _LISTED), load(values, at + 2 * _LISTED)
 
 
 @device
-def _extent(values, first, start, plane):  # type: ignore[no-untyped-def]
+def _extent(values, first, start, plane):
     """Vectors of the middles of the boxes around cells along an axis of the picture, and of their half sides."""
     x, y, z = _three(values, _MIDDLE, first)
     middle = splat(start) + x * splat(plane[0]) + y * splat(plane[1]) + z * splat(plane[2])
@@ -177,21 +177,21 @@ def _extent(values, first, start, plane):  # type: ignore[no-untyped-def]
 
 
 @device
-def _inside(middle, reach, half):  # type: ignore[no-untyped-def]
+def _inside(middle, reach, half):
     """Vector of the part within a pixel of intervals around a middle."""
     inside = smaller(middle + reach, splat(half)) - larger(middle - reach, splat(-half))
     return larger(inside, splat(np.float32(0)))
 
 
 @device
-def _met_light(values, direction, axis, first):  # type: ignore[no-untyped-def]
+def _met_light(values, direction, axis, first):
     """Vector of the luminances of the faces that a ray hits along an axis."""
     row = _LIGHT + 2 * axis + (1 if direction[axis] < 0 else 0)
     return load(values, row * _LISTED + first)
 
 
 @device
-def _middle(geometry, number, axis):  # type: ignore[no-untyped-def]
+def _middle(geometry, number, axis):
     """Middle of the box around a cell's children, in sides of the voxel, which starts at 0."""
     cell = np.float32((number >> np.int32(3 + axis)) & np.int32(1)) - np.float32(0.25)
     cell += np.float32(0.5) * np.float32((number >> np.int32(axis)) & np.int32(1))
@@ -200,20 +200,20 @@ def _middle(geometry, number, axis):  # type: ignore[no-untyped-def]
 
 
 @device
-def _half(geometry, axis):  # type: ignore[no-untyped-def]
+def _half(geometry, axis):
     """Half the side of that box."""
     upper, lower = (geometry >> np.int32(_UPPER + axis)) & np.int32(1), (geometry >> np.int32(axis)) & np.int32(1)
     return np.float32(0.125) * np.float32(upper + lower)
 
 
 @device
-def _columns(geometry, axis):  # type: ignore[no-untyped-def]
+def _columns(geometry, axis):
     """Columns of a cell along an axis that hold a child."""
     return np.float32((geometry >> np.int32(_COLUMNS + _COUNT_BITS * axis)) & np.int32(7))
 
 
 @device
-def _lights(word, axis):  # type: ignore[no-untyped-def]
+def _lights(word, axis):
     """Luminances of a cell's two faces across an axis, the lower one first."""
     base = np.float32((word >> np.int32(BASE)) & np.int32(255)) * np.float32(1 / BASE_STEPS)
     field = (word >> np.int32(SLOPE + SLOPE_BITS * axis)) & np.int32((1 << SLOPE_BITS) - 1)

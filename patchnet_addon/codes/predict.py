@@ -74,7 +74,7 @@ class PixelRays(NamedTuple):
 
 
 @device
-def gather_look_ahead(nodes, corner_codes, pixel, end, pixels, rows, look_ahead):  # type: ignore[no-untyped-def]
+def gather_look_ahead(nodes, corner_codes, pixel, end, pixels, rows, look_ahead):
     """Gather pixels from `pixel` on whose nodes have codes, as many as fit a tile, and their rows.
 
     pixels, rows: (TILE,) int64, written. look_ahead: (P,) bool, set for them. Returns their number, and the next pixel.
@@ -92,7 +92,7 @@ def gather_look_ahead(nodes, corner_codes, pixel, end, pixels, rows, look_ahead)
 
 
 @device
-def write_mean_code(halves, table, row, point, mean):  # type: ignore[no-untyped-def]
+def write_mean_code(halves, table, row, point, mean):
     """Write the trilinear mean of a node's eight codes at a point in it, three numbers in [0, 1], into `mean` (16,).
 
     The code's first eight numbers come first, its last eight follow.
@@ -112,7 +112,7 @@ def write_mean_code(halves, table, row, point, mean):  # type: ignore[no-untyped
 
 
 @array_device
-def fill_codes(corner_codes, rows, entry, pixels, inputs):  # type: ignore[no-untyped-def]
+def fill_codes(corner_codes, rows, entry, pixels, inputs):
     """Write the codes of pixels, interpolated at their entry points, into a tile; rows: of the hit nodes."""
     halves, table = corner_codes.halves, corner_codes.rows
     mean = np.empty(MEAN_SIZE, np.float32)
@@ -125,7 +125,7 @@ def fill_codes(corner_codes, rows, entry, pixels, inputs):  # type: ignore[no-un
 
 
 @device
-def fill_rays(rays, pixels, inputs):  # type: ignore[no-untyped-def]
+def fill_rays(rays, pixels, inputs):
     """Write the network's ray inputs of pixels into a tile."""
     direction, up, ratio = rays.direction, rays.up, rays.ratio
     for place in range(len(pixels)):
@@ -178,7 +178,7 @@ def predict(coded: CodedOctree, hits: Hits) -> Prediction:
 
 
 @kernel
-def _predict(first, last, rays, corner_codes, nearby, layers, results):  # type: ignore[no-untyped-def]
+def _predict(first, last, rays, corner_codes, nearby, layers, results):
     """Write coverage and luminance of the pixels with look-ahead in runs of TILE pixels, and the mask of these pixels.
 
     They are gathered, and decoded when a tile is full. rays: `PixelRays`. corner_codes: `CornerCodes`. nearby:
@@ -209,7 +209,7 @@ def _predict(first, last, rays, corner_codes, nearby, layers, results):  # type:
 
 
 @array_device
-def _fill_corners(corner_codes, rows, inputs):  # type: ignore[no-untyped-def]
+def _fill_corners(corner_codes, rows, inputs):
     """Write the first numbers of the eight corner codes of pixels side by side; rows: of the hit nodes."""
     halves, table = corner_codes.halves, corner_codes.rows
     code = np.empty(16, np.float32)
@@ -223,7 +223,7 @@ def _fill_corners(corner_codes, rows, inputs):  # type: ignore[no-untyped-def]
 
 
 @device
-def _fill_place(rays, nearby, pixels, rows, work, inputs, luminances):  # type: ignore[no-untyped-def]
+def _fill_place(rays, nearby, pixels, rows, work, inputs, luminances):
     """Write the viewing rays of pixels, the shares that cells cover, and the luminances to mix."""
     scale = np.float32(1.0 / LUMINANCE_SCALE)
     covered = inputs[COVERED * TILE :]

@@ -81,7 +81,7 @@ def lookahead_share(nodes: Nodes, grid: Grid, camera: Camera, *, lookahead: int 
 
 
 @kernel
-def _request(stops, margin, block_level, needed):  # type: ignore[no-untyped-def]
+def _request(stops, margin, block_level, needed):
     """Raise `needed` in all blocks that a cell meets, or one of those `margin` cells around it."""
     blocks = np.int64(1) << block_level
     low = np.empty(3, np.int64)
@@ -107,7 +107,7 @@ def _request(stops, margin, block_level, needed):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _count(stops, block_level, pixels):  # type: ignore[no-untyped-def]
+def _count(stops, block_level, pixels):
     """Add one to the block of each cell; a cell larger than a block counts in its first one."""
     for ray in range(len(stops.wanted)):
         if stops.wanted[ray] == 0:
@@ -299,7 +299,7 @@ def _parts_of(leaves: list[LeafSums], _block_level: int) -> list[LeafSums]:
 
 
 @kernel
-def _add_expected(keys, level, shift, levels, expected):  # type: ignore[no-untyped-def]
+def _add_expected(keys, level, shift, levels, expected):
     """Add to `expected` (blocks,) the number of leaves that each leaf of `level` becomes at its block's level."""
     for key in keys:
         block = key >> shift

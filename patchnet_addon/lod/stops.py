@@ -78,7 +78,7 @@ def ray_stops(
 
 
 @kernel
-def _trace_bands(first, last, nodes, camera, bands, offset, levels_down, stops):  # type: ignore[no-untyped-def]
+def _trace_bands(first, last, nodes, camera, bands, offset, levels_down, stops):
     """Trace rows of tiles. bands: the first one's number, and the distance of the next.
 
     offset: from the pixels' centres, in pixels. levels_down: of the rays' footprint, and of the look-ahead.
@@ -90,7 +90,7 @@ def _trace_bands(first, last, nodes, camera, bands, offset, levels_down, stops):
 
 
 @device
-def _trace_band(nodes, camera, first_row, offset, levels_down, scratch, stops, place):  # type: ignore[no-untyped-def]
+def _trace_band(nodes, camera, first_row, offset, levels_down, scratch, stops, place):
     """Trace a row of tiles above a row of the picture; place: of its first ray among the stops."""
     finer, lookahead = levels_down
     tile = scratch[0]

@@ -8,7 +8,7 @@ its tile; only processors without fused multiply-add have other bits.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -143,35 +143,35 @@ def _mix(values, luminances):
 class _Term:
     """Term of a formula: its arithmetic appends instructions to the function in compilation."""
 
-    def __init__(self, builder: Any, value: Any) -> None:
+    def __init__(self, builder, value):
         self.builder, self.value = builder, value
 
-    def _of(self, other: Any) -> Any:
+    def _of(self, other):
         if isinstance(other, _Term):
             return other.value
         kind = self.value.type
         return ir.Constant(kind, [float(other)] * kind.count)
 
-    def __add__(self, other: Any) -> _Term:
+    def __add__(self, other):
         return _Term(self.builder, self.builder.fadd(self.value, self._of(other), flags=("contract",)))
 
-    def __sub__(self, other: Any) -> _Term:
+    def __sub__(self, other):
         return _Term(self.builder, self.builder.fsub(self.value, self._of(other), flags=("contract",)))
 
-    def __mul__(self, other: Any) -> _Term:
+    def __mul__(self, other):
         return _Term(self.builder, self.builder.fmul(self.value, self._of(other), flags=("contract",)))
 
     __radd__, __rmul__ = __add__, __mul__
 
 
 @intrinsic
-def store_harmonics(_typing: Any, array: Any, _index: Any, _stride: Any, x: Any, y: Any, z: Any) -> Any:
+def store_harmonics(_typing, array, _index, _stride, x, y, z):
     """Store the 25 harmonics of vectors of directions: store_harmonics(array, index, stride, x, y, z).
 
     The first one is at the index, each further one `stride` elements later.
     """
 
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def build(context, builder, signature, arguments):
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
         index, stride = arguments[1:3]
         x, y, z = (_Term(builder, axis) for axis in arguments[3:])

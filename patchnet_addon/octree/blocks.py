@@ -133,7 +133,7 @@ def tasks_of(corners_voxel: np.ndarray, resolution: int, cells: CellSet) -> Iter
 
 
 @device
-def _extents(corners):  # type: ignore[no-untyped-def]
+def _extents(corners):
     """Sum of the widths, sum of the shadows' areas, and the largest width of one triangle (3, 3)."""
     widths = 0.0
     shadows = 0.0
@@ -151,7 +151,7 @@ def _extents(corners):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _expect(corners_voxel, depth, levels, shift, most, expected):  # type: ignore[no-untyped-def]
+def _expect(corners_voxel, depth, levels, shift, most, expected):
     """Add the expected fragments of each triangle to those of its blocks, by points spread over it.
 
     corners_voxel: in cells of level `depth`; a block's leaves may be on a coarser level. most: points along an edge,
@@ -176,7 +176,7 @@ def _expect(corners_voxel, depth, levels, shift, most, expected):  # type: ignor
 
 
 @device
-def _point(corners, u, v, resolution):  # type: ignore[no-untyped-def]
+def _point(corners, u, v, resolution):
     """Cell of the point with weights (1 - u - v, u, v)."""
     x = corners[0, 0] + u * (corners[1, 0] - corners[0, 0]) + v * (corners[2, 0] - corners[0, 0])
     y = corners[0, 1] + u * (corners[1, 1] - corners[0, 1]) + v * (corners[2, 1] - corners[0, 1])

@@ -22,14 +22,14 @@ def table_of(brick_key: np.ndarray, bricks: int) -> np.ndarray:
 
 
 @device
-def _slot(table, key):  # type: ignore[no-untyped-def]
+def _slot(table, key):
     """First slot to probe for a brick: Fibonacci hashing."""
     mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
     return np.int64((mixed >> np.uint64(32)) & np.uint64(len(table) - 1))
 
 
 @kernel
-def _insert_all(table, brick_key, bricks):  # type: ignore[no-untyped-def]
+def _insert_all(table, brick_key, bricks):
     for brick in range(bricks):
         slot = _slot(table, brick_key[brick])
         while table[slot] >= 0:
@@ -38,7 +38,7 @@ def _insert_all(table, brick_key, bricks):  # type: ignore[no-untyped-def]
 
 
 @device
-def _find_brick(key, table, brick_key, count):  # type: ignore[no-untyped-def]
+def _find_brick(key, table, brick_key, count):
     """Index of a brick, inserted if it is new; -1 without room."""
     slot = _slot(table, key)
     while table[slot] >= 0:
@@ -55,7 +55,7 @@ def _find_brick(key, table, brick_key, count):  # type: ignore[no-untyped-def]
 
 
 @device
-def brick_of(cell_key, last, table, brick_key, count):  # type: ignore[no-untyped-def]
+def brick_of(cell_key, last, table, brick_key, count):
     """Index of the brick of a cell, inserted if it is new; -1 without room. last: the previous result."""
     key = cell_key >> np.uint64(BRICK_BITS)
     if last >= 0 and brick_key[last] == key:

@@ -55,7 +55,7 @@ class _Wanted(NamedTuple):
 
 
 @device
-def _put(sink, count, key, triangle, box, moments):  # type: ignore[no-untyped-def]
+def _put(sink, count, key, triangle, box, moments):
     """Write one fragment if there is room for it, and count it."""
     cells, measures = sink
     if count < len(cells):
@@ -68,7 +68,7 @@ def _put(sink, count, key, triangle, box, moments):  # type: ignore[no-untyped-d
 
 
 @device
-def _set_frame(rows):  # type: ignore[no-untyped-def]
+def _set_frame(rows):
     """Write the first corner and the edges of the triangle at row 0 to the frame."""
     for axis in range(3):
         rows[_FRAME, axis] = rows[_TRIANGLE, axis]
@@ -77,7 +77,7 @@ def _set_frame(rows):  # type: ignore[no-untyped-def]
 
 
 @device
-def _box(rows, piece, n_piece, cell):  # type: ignore[no-untyped-def]
+def _box(rows, piece, n_piece, cell):
     """Packed box around a piece of the triangle in its cell, from the vertices' weights: peeling drops x and y."""
     box = np.uint64(0)
     for axis in range(3):
@@ -95,7 +95,7 @@ def _box(rows, piece, n_piece, cell):  # type: ignore[no-untyped-def]
 
 
 @device
-def _clip_column(rows, column, n_column, place, brick, wanted, sink, count):  # type: ignore[no-untyped-def]
+def _clip_column(rows, column, n_column, place, brick, wanted, sink, count):
     """Append the cells of one column along z at the `place` (x, y)."""
     triangle = wanted.triangle
     key = cell_key(place[0], place[1], 0)
@@ -120,7 +120,7 @@ def _clip_column(rows, column, n_column, place, brick, wanted, sink, count):  # 
 
 
 @device
-def _clip_slab(rows, slab, n_slab, x, brick, wanted, sink, count):  # type: ignore[no-untyped-def]
+def _clip_slab(rows, slab, n_slab, x, brick, wanted, sink, count):
     """Append the cells of one slab, column by column along y."""
     rest, free, n_rest = slab, _REST_Y, n_slab
     y, last = cell_range(rows, slab, n_slab, 1, brick.y, brick.y + brick.side - 1)
@@ -138,7 +138,7 @@ def _clip_slab(rows, slab, n_slab, x, brick, wanted, sink, count):  # type: igno
 
 
 @device
-def _clip_piece(rows, piece, n_piece, brick, wanted, sink, count):  # type: ignore[no-untyped-def]
+def _clip_piece(rows, piece, n_piece, brick, wanted, sink, count):
     """Append the fragments of a polygon within a brick, slab by slab along x."""
     rest, free, n_rest = piece, _REST_X, n_piece
     x, last = cell_range(rows, piece, n_piece, 0, brick.x, brick.x + brick.side - 1)
@@ -159,7 +159,7 @@ def _clip_piece(rows, piece, n_piece, brick, wanted, sink, count):  # type: igno
 
 
 @device
-def _bricks_of_column(rows, column, n_column, x, y, wanted, sink, count):  # type: ignore[no-untyped-def]
+def _bricks_of_column(rows, column, n_column, x, y, wanted, sink, count):
     """Append the fragments in one column of bricks."""
     bricks, shift = wanted.near
     rest, free, n_rest = column, _BRICKS_REST_Z, n_column
@@ -180,7 +180,7 @@ def _bricks_of_column(rows, column, n_column, x, y, wanted, sink, count):  # typ
 
 
 @device
-def _bricks_of_slab(rows, slab, n_slab, x, wanted, sink, count):  # type: ignore[no-untyped-def]
+def _bricks_of_slab(rows, slab, n_slab, x, wanted, sink, count):
     """Append the fragments in one slab of bricks, column by column."""
     rest, free, n_rest = slab, _BRICKS_REST_Y, n_slab
     y, last = cell_range(rows, slab, n_slab, 1, 0, wanted.last)
@@ -199,7 +199,7 @@ def _bricks_of_slab(rows, slab, n_slab, x, wanted, sink, count):  # type: ignore
 
 
 @device
-def _clip_bricks(rows, x, last, wanted, sink, count):  # type: ignore[no-untyped-def]
+def _clip_bricks(rows, x, last, wanted, sink, count):
     """Append the fragments of the triangle in `rows`, which spans the bricks x..last along x."""
     rest, free, n_rest = _TRIANGLE, _BRICKS_REST_X, 3
     while x <= last and n_rest >= 3:
@@ -216,7 +216,7 @@ def _clip_bricks(rows, x, last, wanted, sink, count):  # type: ignore[no-untyped
 
 
 @device
-def _clip_triangle(rows, wanted, sink, count):  # type: ignore[no-untyped-def]
+def _clip_triangle(rows, wanted, sink, count):
     """Append the fragments of the triangle in `rows`."""
     last = wanted.last
     x, x_last = cell_range(rows, _TRIANGLE, 3, 0, 0, last)
@@ -241,7 +241,7 @@ def _clip_triangle(rows, wanted, sink, count):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, near, block):  # type: ignore[no-untyped-def]
+def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, near, block):
     """Fragments of triangles first..last-1 in the slabs slabs[0]..slabs[1]-1 of cells along x.
 
     corners_voxel: (T, 3, 3) float64, cells as unit. areas_world: (T,) float64, the triangles' areas.

@@ -100,9 +100,7 @@ def load_octree(path: str | Path) -> Octree:
         pieces = pieces_of(every)
         if pieces is None or not are_consistent(pieces, arrays["first_child"][arrays["child_mask"] == 0]):
             raise OctreeFileError(f"{path} is inconsistent: its pieces do not fit its leaves; create the file anew")
-    return Octree(  # type: ignore[arg-type]
-        grid=grid, exposure=exposure, provenance=provenance, pieces=pieces, **arrays
-    )
+    return Octree(grid=grid, exposure=exposure, provenance=provenance, pieces=pieces, **arrays)
 
 
 def _inconsistency(arrays: dict[str, Any], depth: int) -> str:

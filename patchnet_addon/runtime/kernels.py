@@ -56,7 +56,7 @@ def compiled_mark(kernels: str, *of: object) -> Path:
     return folder / f"{kernels}-{hashlib.sha256(repr(versions).encode()).hexdigest()[:16]}"
 
 
-class CacheFile(IndexDataCacheFile):  # type: ignore[misc]
+class CacheFile(IndexDataCacheFile):
     """Files of a function's compiled code, with names that no other process uses.
 
     numba numbers them. Two processes that compile a function for different types at the same time both take the next
@@ -67,7 +67,7 @@ class CacheFile(IndexDataCacheFile):  # type: ignore[misc]
         return f"{Path(self._index_name).stem}.{uuid.uuid4().hex[:12]}.nbc"
 
 
-class _Cache(FunctionCache):  # type: ignore[misc]
+class _Cache(FunctionCache):
     """numba's cache of a function's compiled code; unreadable or unwritable files only cost time."""
 
     def __init__(self, function: Function) -> None:
@@ -105,7 +105,7 @@ def _say_uncached(reason: str) -> None:
     )  # fmt: skip
 
 
-class _Compilations(event.Listener):  # type: ignore[misc]
+class _Compilations(event.Listener):
     """Listener to compilations of functions that are not in the cache."""
 
     def on_start(self, _event: event.Event) -> None:
@@ -137,7 +137,7 @@ def kernel(function: Function) -> Function:
 
     For all cores, see `run_parts` of threads.py.
     """
-    return _compiled(function)  # type: ignore[no-any-return]
+    return _compiled(function)
 
 
 def _compiled(function: Function, **options: bool) -> Any:
@@ -149,7 +149,7 @@ def _compiled(function: Function, **options: bool) -> Any:
     return compiled
 
 
-class _DeviceFunction(CPUDispatcher):  # type: ignore[misc]
+class _DeviceFunction(CPUDispatcher):
     """Function that only kernels can call."""
 
     def __call__(self, *_arguments: Any) -> Any:

@@ -104,7 +104,7 @@ def json_line(name: str, message: str, level: int = logging.INFO, /, **fields: A
     return json.dumps(values | {key: value for key, value in fields.items() if value is not None}, default=str)
 
 
-class _Lines(logging.StreamHandler):  # type: ignore[type-arg]
+class _Lines(logging.StreamHandler):
     """Handler that writes to the present stderr."""
 
     def __init__(self, as_json: bool) -> None:

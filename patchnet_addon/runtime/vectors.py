@@ -10,7 +10,7 @@ arrays, and unchecked. Bit operations, one instruction each, take int64, uint64,
 from __future__ import annotations
 
 import operator
-from typing import Any
+from collections.abc import Callable
 
 from llvmlite import ir
 from numba.core import types
@@ -30,36 +30,36 @@ _WORDS = types.int64, types.uint64
 
 
 @intrinsic
-def count_ones(_typing: Any, word: Any) -> Any:
+def count_ones(_typing, word):
     """Number of set bits of a word, as int64: count_ones(word)."""
 
-    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+    def build(_context, builder, _signature, arguments):
         return builder.ctpop(arguments[0])
 
     return (types.int64(word), build) if word in _WORDS else None
 
 
 @intrinsic
-def lowest_one(_typing: Any, word: Any) -> Any:
+def lowest_one(_typing, word):
     """Index of the lowest set bit of a word, as int64; 64 for a zero word: lowest_one(word)."""
 
-    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+    def build(_context, builder, _signature, arguments):
         return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 0))
 
     return (types.int64(word), build) if word in _WORDS else None
 
 
 @intrinsic
-def float_of_bits(_typing: Any, word: Any) -> Any:
+def float_of_bits(_typing, word):
     """float32 with the bits of an int32: float_of_bits(word)."""
 
-    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+    def build(_context, builder, _signature, arguments):
         return builder.bitcast(arguments[0], ir.FloatType())
 
     return (types.float32(word), build) if word == types.int32 else None
 
 
-class VectorType(types.Type):  # type: ignore[misc]
+class VectorType(types.Type):
     """numba type of a vector of floats."""
 
     def __init__(self, element: types.Float, lanes: int) -> None:
@@ -73,29 +73,29 @@ class VectorType(types.Type):  # type: ignore[misc]
 
 
 @register_model(VectorType)
-class _VectorModel(models.PrimitiveModel):  # type: ignore[misc]
-    def __init__(self, manager: Any, kind: VectorType) -> None:
+class _VectorModel(models.PrimitiveModel):
+    def __init__(self, manager, kind):
         super().__init__(manager, kind, kind.ir)
 
 
 _FLOATS = VectorType(types.float32, LANES)
 
 
-def _vectors(*found: Any) -> bool:
+def _vectors(*found: object) -> bool:
     return all(isinstance(one, VectorType) for one in found) and len(set(found)) == 1
 
 
-class _Arithmetic(AbstractTemplate):  # type: ignore[misc]
-    def generic(self, args: Any, kws: Any) -> Any:
+class _Arithmetic(AbstractTemplate):
+    def generic(self, args, kws):
         if len(args) == 2 and not kws and _vectors(*args):
             return signature(args[0], *args)
         return None
 
 
-def _register(function: Any, name: str) -> None:
+def _register(function: Callable[..., object], name: str) -> None:
     infer_global(function)(type(f"_Vector{name}", (_Arithmetic,), {}))
 
-    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+    def build(_context, builder, _signature, arguments):
         return getattr(builder, name)(*arguments)
 
     lower_builtin(function, VectorType, VectorType)(build)
@@ -107,18 +107,18 @@ _register(operator.mul, "fmul")
 _register(operator.truediv, "fdiv")
 
 
-def build_splat(builder: Any, kind: VectorType, value: Any) -> Any:
+def build_splat(builder, kind, value):
     """Build a vector with the same number in every lane."""
     nothing = ir.Constant(kind.ir, ir.Undefined)
     first = builder.insert_element(nothing, value, ir.IntType(32)(0))
     return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(ir.IntType(32), kind.lanes), None))
 
 
-def _splatting(lanes: int) -> Any:
-    def typing(_typing: Any, value: Any) -> Any:
+def _splatting(lanes: int) -> Callable[..., object]:
+    def typing(_typing, value):
         kind = VectorType(value, lanes)
 
-        def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        def build(_context, builder, _signature, arguments):
             return build_splat(builder, kind, arguments[0])
 
         return kind(value), build
@@ -131,11 +131,11 @@ splat_octants = intrinsic(_splatting(OCTANTS))  # with a lane for each child of 
 
 
 @intrinsic
-def load(_typing: Any, array: Any, _index: Any) -> Any:
+def load(_typing, array, _index):
     """Load a vector from an index on: load(array, index)."""
     kind = VectorType(array.dtype, LANES)
 
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def build(context, builder, signature, arguments):
         address = array_address(context, builder, signature, *arguments)
         vector = builder.load(builder.bitcast(address, kind.ir.as_pointer()))
         vector.align = array.dtype.bitwidth // 8
@@ -145,11 +145,11 @@ def load(_typing: Any, array: Any, _index: Any) -> Any:
 
 
 @intrinsic
-def spread(_typing: Any, array: Any, _index: Any) -> Any:
+def spread(_typing, array, _index):
     """Vector of one element in every lane, faster than its `splat`: spread(array, index)."""
     kind = VectorType(array.dtype, LANES)
 
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def build(context, builder, signature, arguments):
         element = builder.load(array_address(context, builder, signature, *arguments))
         return build_splat(builder, kind, element)
 
@@ -157,7 +157,7 @@ def spread(_typing: Any, array: Any, _index: Any) -> Any:
 
 
 @intrinsic
-def load_halves(_typing: Any, array: Any, _first: Any, _second: Any) -> Any:
+def load_halves(_typing, array, _first, _second):
     """Vector of 16 half floats / `HALF_SCALE`: load_halves(array, first, second).
 
     Eight begin at the first index, eight at the second, in an array of int16. The bits of a half float, shifted to
@@ -165,7 +165,7 @@ def load_halves(_typing: Any, array: Any, _first: Any, _second: Any) -> Any:
     processors without half floats have the same bits.
     """
 
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def build(context, builder, signature, arguments):
         eight = ir.VectorType(ir.IntType(16), 8)
         parts = []
         for index in arguments[1:]:
@@ -182,10 +182,10 @@ def load_halves(_typing: Any, array: Any, _first: Any, _second: Any) -> Any:
 
 
 @intrinsic
-def store(_typing: Any, array: Any, _index: Any, vector: Any) -> Any:
+def store(_typing, array, _index, vector):
     """Store a vector from an index on: store(array, index, vector)."""
 
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def build(context, builder, signature, arguments):
         address = array_address(context, builder, signature, *arguments[:2])
         pointer = builder.bitcast(address, vector.ir.as_pointer())
         builder.store(arguments[2], pointer).align = array.dtype.bitwidth // 8
@@ -195,10 +195,10 @@ def store(_typing: Any, array: Any, _index: Any, vector: Any) -> Any:
 
 
 @intrinsic
-def add_product(_typing: Any, total: Any, left: Any, right: Any) -> Any:
+def add_product(_typing, total, left, right):
     """Vector total + left * right, rounded once where the processor can: add_product(total, left, right)."""
 
-    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+    def build(_context, builder, _signature, arguments):
         total, left, right = arguments
         return builder.fadd(total, builder.fmul(left, right, flags=("contract",)), flags=("contract",))
 
@@ -206,10 +206,10 @@ def add_product(_typing: Any, total: Any, left: Any, right: Any) -> Any:
 
 
 @intrinsic
-def words_set(_typing: Any, array: Any, _index: Any) -> Any:
+def words_set(_typing, array, _index):
     """Bit mask of the nonzero words of eight uint32 from an index on: words_set(array, index)."""
 
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def build(context, builder, signature, arguments):
         kind = ir.VectorType(ir.IntType(32), OCTANTS)
         address = array_address(context, builder, signature, *arguments)
         words = builder.load(builder.bitcast(address, kind.as_pointer()))
@@ -220,9 +220,9 @@ def words_set(_typing: Any, array: Any, _index: Any) -> Any:
     return (_MASK(array, types.intp), build) if array.dtype == types.uint32 else None
 
 
-def _choosing(sign: str) -> Any:
-    def typing(_typing: Any, left: Any, right: Any) -> Any:
-        def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+def _choosing(sign: str) -> Callable[..., object]:
+    def typing(_typing, left, right):
+        def build(_context, builder, _signature, arguments):
             first, second = arguments
             return builder.select(builder.fcmp_ordered(sign, first, second), first, second)
 
@@ -236,10 +236,10 @@ larger = intrinsic(_choosing(">"))  # lane-wise maximum: larger(left, right)
 
 
 @intrinsic
-def less(_typing: Any, left: Any, right: Any) -> Any:
+def less(_typing, left, right):
     """Bit mask of lanes with left < right: less(left, right)."""
 
-    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+    def build(_context, builder, _signature, arguments):
         bits = builder.bitcast(builder.fcmp_ordered("<", *arguments), ir.IntType(left.lanes))
         return builder.zext(bits, ir.IntType(64))
 
@@ -247,10 +247,10 @@ def less(_typing: Any, left: Any, right: Any) -> Any:
 
 
 @intrinsic
-def select(_typing: Any, mask: Any, left: Any, right: Any) -> Any:
+def select(_typing, mask, left, right):
     """Vector of `left` in the lanes of a mask, of `right` in the others: select(mask, left, right)."""
 
-    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+    def build(_context, builder, _signature, arguments):
         bits = builder.trunc(arguments[0], ir.IntType(left.lanes))
         chosen = builder.bitcast(bits, ir.VectorType(ir.IntType(1), left.lanes))
         return builder.select(chosen, arguments[1], arguments[2])
@@ -259,24 +259,24 @@ def select(_typing: Any, mask: Any, left: Any, right: Any) -> Any:
 
 
 @device
-def put(array, index, lanes, values):  # type: ignore[no-untyped-def]
+def put(array, index, lanes, values):
     """Store a vector from an index on, in some lanes: put(array, index, mask, vector)."""
     store(array, index, select(lanes, values, load(array, index)))
 
 
 @intrinsic
-def square_root(_typing: Any, vector: Any) -> Any:
+def square_root(_typing, vector):
     """Vector of square roots: square_root(vector)."""
 
-    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+    def build(_context, builder, _signature, arguments):
         return builder.call(_intrinsic(builder, "sqrt", vector, vector.ir), arguments)
 
     return vector(vector), build
 
 
-def _reducing(name: str) -> Any:
-    def typing(_typing: Any, vector: Any) -> Any:
-        def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+def _reducing(name: str) -> Callable[..., object]:
+    def typing(_typing, vector):
+        def build(_context, builder, _signature, arguments):
             function = _intrinsic(builder, f"vector.reduce.{name}", vector, vector.ir.element)
             return builder.call(function, arguments, fastmath=("nnan",))
 
@@ -289,14 +289,14 @@ smallest = intrinsic(_reducing("fmin"))  # minimum of a vector's lanes: smallest
 largest = intrinsic(_reducing("fmax"))  # maximum of a vector's lanes: largest(vector)
 
 
-def _intrinsic(builder: Any, name: str, vector: VectorType, result: Any) -> Any:
+def _intrinsic(builder, name, vector, result):
     """Declare an LLVM intrinsic function of a vector."""
     name = f"llvm.{name}.v{vector.lanes}f{vector.element.bitwidth}"
     known = builder.module.globals.get(name)
     return known or ir.Function(builder.module, ir.FunctionType(result, [vector.ir]), name)
 
 
-def array_address(context: Any, builder: Any, signature: Any, array: Any, index: Any) -> Any:
+def array_address(context, builder, signature, array, index):
     """Build the address of an array element; the array is the first argument of `signature`."""
     data = context.make_array(signature.args[0])(context, builder, array).data
     return builder.gep(data, [index])

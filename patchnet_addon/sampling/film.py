@@ -97,7 +97,7 @@ def filtered(octree: Octree, camera: Camera, pixel_filter: PixelFilter) -> Steps
 
 
 @kernel
-def _show(first, last, start, before, after, shares, frame, sums, values):  # type: ignore[no-untyped-def]
+def _show(first, last, start, before, after, shares, frame, sums, values):
     """Replace what single rays of pixels from `start` on give to some rows of the picture."""
     scale_x, scale_y, radius = frame
     width = len(scale_x)
@@ -121,7 +121,7 @@ def _show(first, last, start, before, after, shares, frame, sums, values):  # ty
 
 
 @kernel
-def _replace(first, last, pixels, before, after, frame, sums, values):  # type: ignore[no-untyped-def]
+def _replace(first, last, pixels, before, after, frame, sums, values):
     """Replace what pixels give to some rows of the picture."""
     scale_x, scale_y, radius = frame
     width = len(scale_x)
@@ -141,17 +141,17 @@ def _replace(first, last, pixels, before, after, frame, sums, values):  # type: 
 
 
 @device
-def _change(scale, before, after):  # type: ignore[no-untyped-def]
+def _change(scale, before, after):
     return _whole(scale * after) - _whole(scale * before)
 
 
 @device
-def _whole(value):  # type: ignore[no-untyped-def]
+def _whole(value):
     return np.int64((value if value < _MOST else _MOST) * _ONE)
 
 
 @device
-def _add(sums, values, change):  # type: ignore[no-untyped-def]
+def _add(sums, values, change):
     for channel in range(CHANNELS):
         sums[channel] += change[channel]
         values[channel] = sums[channel] * (1.0 / _ONE)

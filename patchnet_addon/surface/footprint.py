@@ -45,7 +45,7 @@ class Squares(NamedTuple):
 
 
 @device
-def _piece_in_cell(rows, key):  # type: ignore[no-untyped-def]
+def _piece_in_cell(rows, key):
     """Cut the triangle at row 0 by its cell; returns the piece's first row and number of vertices."""
     piece = _TRIANGLE
     count = 3
@@ -73,7 +73,7 @@ def _piece_in_cell(rows, key):  # type: ignore[no-untyped-def]
 
 
 @device
-def piece_on_texture(rows, corners_voxel, key, triangle, uvs, m):  # type: ignore[no-untyped-def]
+def piece_on_texture(rows, corners_voxel, key, triangle, uvs, m):
     """Outline of a fragment on the texture, at _PIECE, columns 3 and 4; returns its number of vertices, 0 for none."""
     load_triangle(corners_voxel, triangle, rows)
     piece, count = _piece_in_cell(rows, key)
@@ -87,7 +87,7 @@ def piece_on_texture(rows, corners_voxel, key, triangle, uvs, m):  # type: ignor
 
 
 @device
-def _span(low, high, size, margin, wrap):  # type: ignore[no-untyped-def]
+def _span(low, high, size, margin, wrap):
     """First and last square that [low, high] (in squares) overlaps.
 
     Beyond a border that does not repeat, a single square stands for all.
@@ -100,7 +100,7 @@ def _span(low, high, size, margin, wrap):  # type: ignore[no-untyped-def]
 
 
 @device
-def _scale(rows, count, columns, lines):  # type: ignore[no-untyped-def]
+def _scale(rows, count, columns, lines):
     """Write the outline in units of squares, counter-clockwise, to columns 1 and 2, and 3 and 4.
 
     Those of 3 and 4 are never set onto a line, so that areas add up.
@@ -123,7 +123,7 @@ def _scale(rows, count, columns, lines):  # type: ignore[no-untyped-def]
 
 
 @device
-def _square(texels, level, raster, x, y, threshold):  # type: ignore[no-untyped-def]
+def _square(texels, level, raster, x, y, threshold):
     """Opacity * luminance, and opacity, of one square of a raster."""
     if raster.parts == 0:
         column = wrapped(x, level.width, level.wrap)
@@ -149,7 +149,7 @@ def _square(texels, level, raster, x, y, threshold):  # type: ignore[no-untyped-
 
 
 @device
-def _integrate(rows, count, texels, level, raster, squares, threshold):  # type: ignore[no-untyped-def]
+def _integrate(rows, count, texels, level, raster, squares, threshold):
     """Cut the outline at _REST into squares of the raster and add them up; returns means over the outline, or -1."""
     area = 0.0
     premultiplied = 0.0
@@ -191,7 +191,7 @@ def _integrate(rows, count, texels, level, raster, squares, threshold):  # type:
 
 
 @device
-def footprint_means(rows, count, u, v, texels, levels, chain, threshold):  # type: ignore[no-untyped-def]
+def footprint_means(rows, count, u, v, texels, levels, chain, threshold):
     """Means of opacity * luminance, and of opacity, over the outline at _PIECE, whose centroid is (u, v).
 
     Opacity is -1 where the outline has no area on the texture. Luminance times opacity is -1 where opacity is even, so

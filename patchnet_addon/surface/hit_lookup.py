@@ -14,13 +14,13 @@ from .textures import BLACK, LEAST_BASE, MIRROR, REPEAT
 
 
 @device
-def is_clear(textures, triangles, row, side):  # type: ignore[no-untyped-def]
+def is_clear(textures, triangles, row, side):
     """Return whether one side of a triangle is see-through, 0 the front and 1 the back. triangles: as in `Pieces`."""
     return textures.materials[np.int64(triangles[row, 7])].clear_side == side
 
 
 @device
-def base_at_hit(textures, triangles, row, one, two, pixel):  # type: ignore[no-untyped-def]
+def base_at_hit(textures, triangles, row, one, two, pixel):
     """Base colour, red, green and blue, and opacity of a point of a triangle, means over a footprint.
 
     triangles: (t, 8) as in `Pieces`. one, two: weights of the last two corners. pixel: side of the footprint. Colour is
@@ -51,7 +51,7 @@ def base_at_hit(textures, triangles, row, one, two, pixel):  # type: ignore[no-u
 
 
 @device
-def _mean(textures, k, s, r, level, threshold):  # type: ignore[no-untyped-def]
+def _mean(textures, k, s, r, level, threshold):
     """Colour and opacity of a chain's nearest level. level: for a chain of one texel."""
     own = textures.chains[k]
     u = on_axis(float(own.one), float(own.two), float(own.three), s, r)
@@ -70,7 +70,7 @@ def _mean(textures, k, s, r, level, threshold):  # type: ignore[no-untyped-def]
 
 
 @device
-def _bilinear(texels, level, u, v):  # type: ignore[no-untyped-def]
+def _bilinear(texels, level, u, v):
     """Opacity times colour, and opacity, at (u, v) in units of the texture."""
     x, y = u * level.width - 0.5, v * level.height - 0.5
     left, low = math.floor(x), math.floor(y)

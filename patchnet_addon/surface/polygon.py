@@ -7,6 +7,8 @@ compiled code more than the clipping itself.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..runtime.kernels import device
@@ -15,13 +17,13 @@ from ..runtime.kernels import device
 POLYGON_ROWS = 16
 
 
-def splitter(axis: int, kept: int):  # type: ignore[no-untyped-def]
+def splitter(axis: int, kept: int) -> Callable[..., tuple[int, int]]:
     """Cut along one axis; compiled once for each, so that the loops over coordinates unroll.
 
     Coordinates before `kept` are omitted from the parts: with axes cut in order, they are no longer needed.
     """
 
-    def split(rows, source, count, plane, below, above):  # type: ignore[no-untyped-def]
+    def split(rows, source, count, plane, below, above):
         """Cut the convex polygon at row `source` at coordinate[axis] = plane; returns the two vertex counts."""
         n_below = below
         n_above = above
@@ -63,7 +65,7 @@ split_x, split_y, split_z = (splitter(axis, axis) for axis in range(3))
 
 
 @device
-def load_triangle(corners_voxel, triangle, rows):  # type: ignore[no-untyped-def]
+def load_triangle(corners_voxel, triangle, rows):
     """Write a triangle as the polygon at row 0, with its weights of corners 1 and 2 as (u, v)."""
     for corner in range(3):
         for axis in range(3):
@@ -73,7 +75,7 @@ def load_triangle(corners_voxel, triangle, rows):  # type: ignore[no-untyped-def
 
 
 @device
-def polygon_bounds(rows, polygon, count, axis):  # type: ignore[no-untyped-def]
+def polygon_bounds(rows, polygon, count, axis):
     """Lowest and highest coordinate of a polygon along an axis."""
     low = rows[polygon, axis]
     high = low
@@ -84,14 +86,14 @@ def polygon_bounds(rows, polygon, count, axis):  # type: ignore[no-untyped-def]
 
 
 @device
-def cell_range(rows, polygon, count, axis, first, last):  # type: ignore[no-untyped-def]
+def cell_range(rows, polygon, count, axis, first, last):
     """First and last cell that the polygon reaches along an axis, clamped to cells first..last."""
     low, high = polygon_bounds(rows, polygon, count, axis)
     return min(max(int(np.floor(low)), first), last), min(max(int(np.floor(high)), first), last)
 
 
 @device
-def moments(rows, polygon, count):  # type: ignore[no-untyped-def]
+def moments(rows, polygon, count):
     """Area in (u, v) and centroid (u, v) of a polygon; the fan starts at vertex 0."""
     u0 = rows[polygon, 3]
     v0 = rows[polygon, 4]

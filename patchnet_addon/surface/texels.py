@@ -32,7 +32,7 @@ class MipLevel(NamedTuple):
 
 
 @device
-def on_texture(m, s, r):  # type: ignore[no-untyped-def]
+def on_texture(m, s, r):
     """Transform UV coordinates (s, r) onto a texture with m (2, 3), clamped to `_FAR`.
 
     Larger coordinates are whole numbers in single precision, which all wrap modes treat like `_FAR`.
@@ -41,7 +41,7 @@ def on_texture(m, s, r):  # type: ignore[no-untyped-def]
 
 
 @device
-def on_axis(along, across, start, s, r):  # type: ignore[no-untyped-def]
+def on_axis(along, across, start, s, r):
     """One coordinate of `on_texture`, by a row of the transform."""
     coordinate = along * s + across * r + start
     if -_FAR < coordinate < _FAR:
@@ -50,7 +50,7 @@ def on_axis(along, across, start, s, r):  # type: ignore[no-untyped-def]
 
 
 @device
-def wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
+def wrapped(index, size, wrap):
     """Texel index by the texture's wrap mode; -1 outside of one that ends at its border."""
     if 0 <= index < size:
         return index
@@ -63,14 +63,14 @@ def wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
 
 
 @device
-def mip_level(levels, chain, step):  # type: ignore[no-untyped-def]
+def mip_level(levels, chain, step):
     """Level `step` of a chain, 0 the finest, of all levels (V, 3) as `MipChains` holds them."""
     at = chain.first + step
     return MipLevel(levels[at, 0], levels[at, 1], levels[at, 2], chain.wrap)
 
 
 @device
-def bilinear(texels, level, u, v):  # type: ignore[no-untyped-def]
+def bilinear(texels, level, u, v):
     """Opacity * luminance, and opacity, at (u, v) in units of the texture."""
     x = u * level.width - 0.5
     y = v * level.height - 0.5
@@ -97,7 +97,7 @@ def bilinear(texels, level, u, v):  # type: ignore[no-untyped-def]
 
 
 @device
-def cut(premultiplied, opacity, threshold):  # type: ignore[no-untyped-def]
+def cut(premultiplied, opacity, threshold):
     """Cut the opacity of the finest level, which keeps it uncut; NaN for no threshold."""
     if math.isnan(threshold):
         return premultiplied, opacity
@@ -107,7 +107,7 @@ def cut(premultiplied, opacity, threshold):  # type: ignore[no-untyped-def]
 
 
 @device
-def opacity_range(texels, level, x_first, x_last, y_first, y_last):  # type: ignore[no-untyped-def]
+def opacity_range(texels, level, x_first, x_last, y_first, y_last):
     """Least and greatest opacity of the texels (x_first..x_last, y_first..y_last) of one level."""
     least = math.inf
     most = -math.inf

@@ -39,7 +39,7 @@ def surface_of_fragments(
 
 
 @device
-def _triangle_area(corners):  # type: ignore[no-untyped-def]
+def _triangle_area(corners):
     ax = corners[1, 0] - corners[0, 0]
     ay = corners[1, 1] - corners[0, 1]
     az = corners[1, 2] - corners[0, 2]
@@ -53,7 +53,7 @@ def _triangle_area(corners):  # type: ignore[no-untyped-def]
 
 
 @device
-def level_of_size(levels, chain, m, corners, uvs, area):  # type: ignore[no-untyped-def]
+def level_of_size(levels, chain, m, corners, uvs, area):
     """Level of a mip chain whose texels are as large as a fragment on the texture, as a fraction between levels.
 
     m: (2, 3) transform of the texture. corners: (3, 3) and uvs: (3, 2) of the triangle. area: of the fragment, in the
@@ -73,7 +73,7 @@ def level_of_size(levels, chain, m, corners, uvs, area):  # type: ignore[no-unty
 
 
 @device
-def trilinear_luminance(texels, levels, chain, level, threshold, u, v):  # type: ignore[no-untyped-def]
+def trilinear_luminance(texels, levels, chain, level, threshold, u, v):
     """Opacity * luminance, and opacity, around (u, v), between the two nearest levels."""
     fine = int(level)
     weight = level - fine
@@ -92,7 +92,7 @@ def trilinear_luminance(texels, levels, chain, level, threshold, u, v):  # type:
 
 
 @device
-def uv_at(uvs, barycentric):  # type: ignore[no-untyped-def]
+def uv_at(uvs, barycentric):
     """UV coordinates of a point by those (3, 2) of its triangle's corners, and its share (2,) of the last two."""
     b1 = barycentric[0]
     b2 = barycentric[1]
@@ -101,7 +101,7 @@ def uv_at(uvs, barycentric):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _surface(begin, end, triangles, fragments, chains, materials, luminance_out, opacity_out):  # type: ignore[no-untyped-def]
+def _surface(begin, end, triangles, fragments, chains, materials, luminance_out, opacity_out):
     corners, uvs, material_of = triangles.corners_world, triangles.uvs, triangles.materials
     triangle, barycentric, area = fragments.triangle, fragments.barycentric, fragments.area_world
     cut_keys, corners_voxel = fragments.cut_keys, fragments.corners_voxel
@@ -185,7 +185,7 @@ def base_of_fragments(colors: BaseColors, batch: TriangleBatch, fragments: Fragm
 
 
 @device
-def _bilinear(colors, level, u, v):  # type: ignore[no-untyped-def]
+def _bilinear(colors, level, u, v):
     """Opacity * red, green, blue at (u, v) in units of the texture."""
     x = u * level.width - 0.5
     y = v * level.height - 0.5
@@ -210,7 +210,7 @@ def _bilinear(colors, level, u, v):  # type: ignore[no-untyped-def]
 
 
 @device
-def trilinear_color(colors, levels, chain, level, u, v):  # type: ignore[no-untyped-def]
+def trilinear_color(colors, levels, chain, level, u, v):
     """Trilinear colour between the two nearest levels."""
     fine = int(level)
     weight = level - fine
@@ -224,7 +224,7 @@ def trilinear_color(colors, levels, chain, level, u, v):  # type: ignore[no-unty
 
 
 @kernel
-def _colors(begin, end, triangles, fragments, chains, materials, luminance, out):  # type: ignore[no-untyped-def]
+def _colors(begin, end, triangles, fragments, chains, materials, luminance, out):
     corners, uvs, material_of = triangles.corners_world, triangles.uvs, triangles.materials
     triangle, barycentric, area = fragments.triangle, fragments.barycentric, fragments.area_world
     colors, levels, transform = chains.colors, chains.levels, chains.transform

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -149,8 +149,8 @@ def _joined(levels: list[np.ndarray], channels: slice) -> np.ndarray:
     return np.concatenate(parts) if parts else np.zeros((1, channels.stop - channels.start), np.float32)
 
 
-def _style(texture: Texture) -> tuple[object, ...]:
-    return texture.wrap, texture.transform or _IDENTITY
+def _style(texture: Texture | None) -> tuple[object, ...]:
+    return () if texture is None else (texture.wrap, texture.transform or _IDENTITY)
 
 
 def _parts(material: Material) -> tuple[Material, Material | None]:
@@ -163,7 +163,7 @@ def _parts(material: Material) -> tuple[Material, Material | None]:
 
 def _chain_key(material: Material) -> tuple[object, ...]:
     base, alpha = material.base_texture, material.alpha_texture
-    style = _style(base or alpha)  # type: ignore[arg-type]
+    style = _style(base or alpha)
     factor = material.base_color
     threshold = None if material.alpha_threshold is None or alpha is None else material.alpha_threshold / material.alpha
     return base and id(base.pixels), alpha and id(alpha.pixels), style, factor, threshold
@@ -224,8 +224,10 @@ def _resized(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
 
 def cut_coverage(opacity: np.ndarray, threshold: float, wrap: str = "REPEAT") -> np.ndarray:
     """Share of each texel (h, w) on which bilinear opacity reaches the threshold, from CUT_SAMPLES^2 samples in it."""
-    around = {"REPEAT": "wrap", "CLIP": "constant"}.get(wrap, "edge")
-    padded = np.pad(opacity, 1, mode=around)  # type: ignore[call-overload]
+    around: Literal["wrap", "constant", "edge"] = (
+        "wrap" if wrap == "REPEAT" else "constant" if wrap == "CLIP" else "edge"
+    )
+    padded = np.pad(opacity, 1, mode=around)
     total = np.zeros_like(opacity)
     offsets = (np.arange(CUT_SAMPLES, dtype=np.float32) + 0.5) / CUT_SAMPLES - 0.5
     for dy in offsets:

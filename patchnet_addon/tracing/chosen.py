@@ -68,7 +68,7 @@ def blocks(pixels: np.ndarray, width_px: int, side: int) -> tuple[np.ndarray, np
 
 
 @kernel
-def _trace_blocks(first, last, scene, camera, search, chosen, seen):  # type: ignore[no-untyped-def]
+def _trace_blocks(first, last, scene, camera, search, chosen, seen):
     """Write the luminances that rays of pixels see, one block per tile. chosen: of `fine_rays`."""
     nodes, light = scene
     pixels, places, starts, side, rays = chosen
@@ -89,7 +89,7 @@ def _trace_blocks(first, last, scene, camera, search, chosen, seen):  # type: ig
 
 
 @device
-def aim_pixels(camera, tile, pixels, corner, side, rays):  # type: ignore[no-untyped-def]
+def aim_pixels(camera, tile, pixels, corner, side, rays):
     """Set the rays of a tile to those of a block's pixels: of side x side those from row and column `corner` on.
 
     rays: (side^2, 2) their places in a pixel, the lowest row first.
@@ -101,7 +101,7 @@ def aim_pixels(camera, tile, pixels, corner, side, rays):  # type: ignore[no-unt
 
 
 @device
-def corner_of(camera, pixel, side):  # type: ignore[no-untyped-def]
+def corner_of(camera, pixel, side):
     """Row and column in a tile of a pixel's first ray."""
     within = max(TILE // side, 1) - 1  # pixels along a side of a tile are a power of two
     row = pixel // camera.width_px
@@ -109,7 +109,7 @@ def corner_of(camera, pixel, side):  # type: ignore[no-untyped-def]
 
 
 @device
-def _aim_pixel(camera, tile, pixel, corner, side, rays):  # type: ignore[no-untyped-def]
+def _aim_pixel(camera, tile, pixel, corner, side, rays):
     """Give rays of a tile the picture coordinates of a pixel's rays from row and column `corner` on."""
     row = pixel // camera.width_px
     column = pixel - row * camera.width_px

@@ -19,7 +19,7 @@ _EDGE = 1e-7  # beyond the edges of triangles, so that no ray passes between two
 
 
 @device
-def meet_pieces(nodes, tile, packet, mirror, leaf, size, through):  # type: ignore[no-untyped-def]
+def meet_pieces(nodes, tile, packet, mirror, leaf, size, through):
     """Lanes that meet a piece of a leaf, and the lengths to the nearest; stores the pieces.
 
     leaf: a node with pieces, of side `size`. through: the lanes that meet its box, lengths at which they enter and
@@ -70,14 +70,14 @@ def meet_pieces(nodes, tile, packet, mirror, leaf, size, through):  # type: igno
 
 
 @device
-def _corner(nodes, row, first):  # type: ignore[no-untyped-def]
+def _corner(nodes, row, first):
     """Corner of a triangle, the first of whose coordinates is in column `first`."""
     corners = nodes.corners
     return np.float64(corners[row, first]), np.float64(corners[row, first + 1]), np.float64(corners[row, first + 2])
 
 
 @device
-def _rays(tile, axis, first, mirrored):  # type: ignore[no-untyped-def]
+def _rays(tile, axis, first, mirrored):
     """Origins and directions of a packet's rays on an axis, not mirrored."""
     origin = load(tile.numbers, (ORIGIN + axis) * RAYS + first)
     if mirrored:

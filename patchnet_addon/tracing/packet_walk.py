@@ -55,7 +55,7 @@ _SAFE = 1e-12  # relative
 
 
 @device
-def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: ignore[no-untyped-def]
+def walk_packet(nodes, search, tile, packet, mirror, levels, top):
     """Walk the subtree of the node at level `top` with the rays of a packet that are alive; returns visited nodes."""
     first = packet * LANES
     size = 1.0 / (np.int64(1) << top)
@@ -99,7 +99,7 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: igno
 
 
 @device
-def _fitting_sides(search, tile, packet, lanes, through):  # type: ignore[no-untyped-def]
+def _fitting_sides(search, tile, packet, lanes, through):
     """Node sides below which all rays fit and from which none does, for nodes entered and left within the lengths
     `through`; with a margin for rounding.
     """
@@ -111,7 +111,7 @@ def _fitting_sides(search, tile, packet, lanes, through):  # type: ignore[no-unt
 
 
 @device
-def step_down(nodes, mirror, levels, level, octant):  # type: ignore[no-untyped-def]
+def step_down(nodes, mirror, levels, level, octant):
     """Write the child of a level's node at a mirrored octant into the next level."""
     node = levels.state[level, HERE]
     below = (np.int64(1) << (octant ^ mirror)) - 1
@@ -123,7 +123,7 @@ def step_down(nodes, mirror, levels, level, octant):  # type: ignore[no-untyped-
 
 
 @device
-def mirrored_children(mask, mirror):  # type: ignore[no-untyped-def]
+def mirrored_children(mask, mirror):
     """Child mask in mirrored coordinates."""
     mask = np.int64(mask)
     if mirror & 1:
@@ -136,14 +136,14 @@ def mirrored_children(mask, mirror):  # type: ignore[no-untyped-def]
 
 
 @device
-def _to_plane(tile, axis, first, plane):  # type: ignore[no-untyped-def]
+def _to_plane(tile, axis, first, plane):
     """Lengths of a packet's rays to a plane across an axis."""
     origin = load(tile.numbers, (ORIGIN + axis) * RAYS + first)
     return (splat(plane) - origin) * load(tile.numbers, (INVERSE + axis) * RAYS + first)
 
 
 @device
-def _entry(tile, first, levels, level, size):  # type: ignore[no-untyped-def]
+def _entry(tile, first, levels, level, size):
     """Lengths at which a packet's rays enter the node of a level."""
     x = _to_plane(tile, 0, first, levels.state[level, AT] * size)
     y = _to_plane(tile, 1, first, levels.state[level, AT + 1] * size)
@@ -152,7 +152,7 @@ def _entry(tile, first, levels, level, size):  # type: ignore[no-untyped-def]
 
 
 @device
-def _exit(tile, first, levels, level, size):  # type: ignore[no-untyped-def]
+def _exit(tile, first, levels, level, size):
     """Lengths at which a packet's rays leave the node of a level."""
     x = _to_plane(tile, 0, first, (levels.state[level, AT] + 1) * size)
     y = _to_plane(tile, 1, first, (levels.state[level, AT + 1] + 1) * size)
@@ -161,7 +161,7 @@ def _exit(tile, first, levels, level, size):  # type: ignore[no-untyped-def]
 
 
 @device
-def _box_span(nodes, tile, first, mirror, levels, level):  # type: ignore[no-untyped-def]
+def _box_span(nodes, tile, first, mirror, levels, level):
     """Lengths at which a packet's rays enter and leave the box of a level's node; the node must have one."""
     box = nodes.boxes[levels.state[level, HERE] - nodes.first_boxed]
     step = 1.0 / (STEPS * (np.int64(1) << level))
@@ -173,14 +173,14 @@ def _box_span(nodes, tile, first, mirror, levels, level):  # type: ignore[no-unt
 
 
 @device
-def _box_planes(tile, axis, first, cell, step, span):  # type: ignore[no-untyped-def]
+def _box_planes(tile, axis, first, cell, step, span):
     """Lengths of a packet's rays to both planes of a box across an axis; span: its first and last step in the cell."""
     low, high = (STEPS * cell + span[0]) * step, (STEPS * cell + span[1] + 1) * step
     return _to_plane(tile, axis, first, low), _to_plane(tile, axis, first, high)
 
 
 @device
-def _has_pieces(nodes, node):  # type: ignore[no-untyped-def]
+def _has_pieces(nodes, node):
     """Return whether a node is a leaf with pieces, and rays are to meet these."""
     if len(nodes.pieces) == 0 or nodes.child_mask[node] != 0:
         return False
@@ -188,7 +188,7 @@ def _has_pieces(nodes, node):  # type: ignore[no-untyped-def]
 
 
 @device
-def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
+def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):
     """End the phases of rays among `lanes` that the node of a level stops; returns lanes that continue inside it."""
     first = packet * LANES
     size = 1.0 / (np.int64(1) << level)
@@ -218,7 +218,7 @@ def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # t
 
 
 @device
-def _pixel_side(search, tile, packet, length):  # type: ignore[no-untyped-def]
+def _pixel_side(search, tile, packet, length):
     """Pixel sides, or sides of the finer footprint, of a packet's rays at a length."""
     pixel = splat(search.at_0) + splat(search.per_z) * (length * load(tile.numbers, SPEED * RAYS + packet * LANES))
     if search.last == COARSE:
@@ -227,7 +227,7 @@ def _pixel_side(search, tile, packet, length):  # type: ignore[no-untyped-def]
 
 
 @device
-def _record(tile, packet, phase, levels, level, ended, enter):  # type: ignore[no-untyped-def]
+def _record(tile, packet, phase, levels, level, ended, enter):
     """Record the node of a level as the hit of a phase."""
     first = packet * LANES
     here = phase * RAYS + first
@@ -238,7 +238,7 @@ def _record(tile, packet, phase, levels, level, ended, enter):  # type: ignore[n
 
 
 @device
-def _put_cell(tile, first, lanes, levels, level):  # type: ignore[no-untyped-def]
+def _put_cell(tile, first, lanes, levels, level):
     """Store the voxel that stopped some rays of a packet: cells of its level a side, and its own."""
     put(tile.numbers, CELLS * RAYS + first, lanes, splat(np.float64(np.int64(1) << level)))
     for axis in range(3):
@@ -246,7 +246,7 @@ def _put_cell(tile, first, lanes, levels, level):  # type: ignore[no-untyped-def
 
 
 @device
-def _begin_next(search, tile, packet, phase, ended):  # type: ignore[no-untyped-def]
+def _begin_next(search, tile, packet, phase, ended):
     """Begin the next phase of lanes whose phase ended; returns those that are not done."""
     tile.lanes[PHASE + phase, packet] &= ~ended
     if phase >= search.last:
@@ -257,7 +257,7 @@ def _begin_next(search, tile, packet, phase, ended):  # type: ignore[no-untyped-
 
 
 @device
-def _open(nodes, tile, first, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
+def _open(nodes, tile, first, mirror, levels, level, lanes):
     """Find the children of a level's node hit by each ray among `lanes`."""
     x, y, z = _child_planes(tile, first, levels, level)
     existing = mirrored_children(nodes.child_mask[levels.state[level, HERE]], mirror)
@@ -275,7 +275,7 @@ def _open(nodes, tile, first, mirror, levels, level, lanes):  # type: ignore[no-
 
 
 @device
-def _child_planes(tile, first, levels, level):  # type: ignore[no-untyped-def]
+def _child_planes(tile, first, levels, level):
     """Lengths to the planes of a level's children: those along x also as entries, after the ray's start."""
     child = 0.5 / (np.int64(1) << level)
     start = load(tile.numbers, START * RAYS + first)
@@ -286,7 +286,7 @@ def _child_planes(tile, first, levels, level):  # type: ignore[no-untyped-def]
 
 
 @device
-def _three_planes(tile, axis, first, cell, child):  # type: ignore[no-untyped-def]
+def _three_planes(tile, axis, first, cell, child):
     """Lengths to the lower, middle and upper plane of a node whose first child has this cell."""
     return (
         _to_plane(tile, axis, first, cell * child),
@@ -296,7 +296,7 @@ def _three_planes(tile, axis, first, cell, child):  # type: ignore[no-untyped-de
 
 
 @device
-def _open_pair(found, existing, octant, lanes, along, enter, leave):  # type: ignore[no-untyped-def]
+def _open_pair(found, existing, octant, lanes, along, enter, leave):
     """Write the lanes that hit an octant and its neighbour along x; returns the bits of the octants hit by any lane.
 
     along: lengths at which rays enter the lower and the upper one, and at which they leave them.
@@ -316,7 +316,7 @@ def _open_pair(found, existing, octant, lanes, along, enter, leave):  # type: ig
 
 
 @device
-def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
+def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):
     """Stop rays among `lanes` at the first child of a level's node that they hit; returns the visited children.
 
     For children that stop every ray: only their boxes are read.

@@ -16,7 +16,7 @@ from .tile import PICTURE, PIECE, WEIGHTS
 
 
 @device
-def see_piece(pieces, tile, ray, pixel):  # type: ignore[no-untyped-def]
+def see_piece(pieces, tile, ray, pixel):
     """Luminance, red, green and blue of the piece that a ray meets, linear; a negative luminance where it has a hole.
 
     pixel: side of the ray's footprint. Of partial opacity, rays meet as large a share.
@@ -40,7 +40,7 @@ def see_piece(pieces, tile, ray, pixel):  # type: ignore[no-untyped-def]
 
 
 @device
-def _drawn(numbers, ray, index):  # type: ignore[no-untyped-def]
+def _drawn(numbers, ray, index):
     """Number in [0, 1) of a ray and a piece."""
     x, y = np.int64(numbers[PICTURE, ray] * 2.0**30), np.int64(numbers[PICTURE + 1, ray] * 2.0**30)
     return (mixed(mixed(np.uint64(x), y), index) >> np.uint64(11)) * 2.0**-53

@@ -210,7 +210,7 @@ def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def _write_up(first, last, direction, up, result):  # type: ignore[no-untyped-def]
+def _write_up(first, last, direction, up, result):
     for ray in range(first, last):
         x, y, z = float(direction[ray, 0]), float(direction[ray, 1]), float(direction[ray, 2])
         along = x * up[0] + y * up[1] + z * up[2]
@@ -220,7 +220,7 @@ def _write_up(first, last, direction, up, result):  # type: ignore[no-untyped-de
 
 
 @kernel
-def _trace_rows(first, last, nodes, camera, search, traced, visits):  # type: ignore[no-untyped-def]
+def _trace_rows(first, last, nodes, camera, search, traced, visits):
     """Trace rows of tiles; writes the number of visits of each."""
     scratch = make_tile(), make_levels()
     for row in range(first, last):
@@ -228,7 +228,7 @@ def _trace_rows(first, last, nodes, camera, search, traced, visits):  # type: ig
 
 
 @device
-def _trace_row(nodes, camera, search, first_row, scratch, traced):  # type: ignore[no-untyped-def]
+def _trace_row(nodes, camera, search, first_row, scratch, traced):
     """Trace the tiles whose first row of pixels is `first_row` into `traced`; returns the number of visits."""
     rows = min(TILE, camera.height_px - first_row)
     visits = 0
@@ -244,7 +244,7 @@ def _trace_row(nodes, camera, search, first_row, scratch, traced):  # type: igno
 
 
 @device
-def _write(camera, search, tile, ray, traced, pixel):  # type: ignore[no-untyped-def]
+def _write(camera, search, tile, ray, traced, pixel):
     """Write the hits of a ray of a tile into `traced`."""
     node = node_seen(camera, tile, COARSE, ray)
     traced.node[pixel] = node

@@ -81,7 +81,7 @@ class Sight:
 
 
 @kernel
-def _draw(first, last, lenses, corners_world, shown, first_triangle, seen):  # type: ignore[no-untyped-def]
+def _draw(first, last, lenses, corners_world, shown, first_triangle, seen):
     corner = np.empty((3, 4))  # across and up in half extents, times w; w; axial distance
     box = np.empty(4, np.int64)
     _, height, width = seen.depth.shape
@@ -94,7 +94,7 @@ def _draw(first, last, lenses, corners_world, shown, first_triangle, seen):  # t
 
 
 @device
-def _place(lenses, c, corners_world, t, corner):  # type: ignore[no-untyped-def]
+def _place(lenses, c, corners_world, t, corner):
     """Corners of a triangle in the camera's frame: a picture point is (corner 0, corner 1) / corner 2."""
     pose = lenses.pose[c]
     for i in range(3):
@@ -114,7 +114,7 @@ def _place(lenses, c, corners_world, t, corner):  # type: ignore[no-untyped-def]
 
 
 @device
-def _bounds(corner, clip, width, height, box):  # type: ignore[no-untyped-def]
+def _bounds(corner, clip, width, height, box):
     """Fill in first and last column and row whose centres may be in a triangle; return whether there are any."""
     nearest = min(corner[0, 3], corner[1, 3], corner[2, 3])
     farthest = max(corner[0, 3], corner[1, 3], corner[2, 3])
@@ -139,7 +139,7 @@ def _bounds(corner, clip, width, height, box):  # type: ignore[no-untyped-def]
 
 
 @device
-def _draw_one(c, number, corner, box, clip, seen):  # type: ignore[no-untyped-def]
+def _draw_one(c, number, corner, box, clip, seen):
     """Draw a triangle where its depth is the least so far.
 
     Edge functions are linear in the picture: each is that of the edge opposite to a corner, as a plane through the eye.
@@ -162,7 +162,7 @@ def _draw_one(c, number, corner, box, clip, seen):  # type: ignore[no-untyped-de
 
 
 @device
-def _edge(corner, i, j, x, y):  # type: ignore[no-untyped-def]
+def _edge(corner, i, j, x, y):
     """Edge function of the corners i and j at a picture point."""
     return (
         (corner[i, 1] * corner[j, 2] - corner[i, 2] * corner[j, 1]) * x

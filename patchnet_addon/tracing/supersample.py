@@ -192,7 +192,7 @@ def _spread(
 
 
 @kernel
-def _means_of_blocks(first, last, nodes, light, camera, search, chosen, means):  # type: ignore[no-untyped-def]
+def _means_of_blocks(first, last, nodes, light, camera, search, chosen, means):
     """Write the means of pixels: a block in one tile, or a pixel in several tiles. chosen: of `_spread`."""
     (pixels, places, starts, side, lengths), splat = chosen
     scratch = make_tile(), make_levels(), np.empty((TILE * TILE, len(splat.total), MEANS))
@@ -208,7 +208,7 @@ def _means_of_blocks(first, last, nodes, light, camera, search, chosen, means): 
 
 
 @device
-def _sum_rays(nodes, light, camera, search, chosen, scratch):  # type: ignore[no-untyped-def]
+def _sum_rays(nodes, light, camera, search, chosen, scratch):
     """Trace the rays of a block's pixels, and sum up their hits for the pixels around each. chosen: of the block."""
     pixels, side, lengths, splat = chosen
     tile, levels, sums = scratch
@@ -247,7 +247,7 @@ def _sum_rays(nodes, light, camera, search, chosen, scratch):  # type: ignore[no
 
 
 @device
-def _look(light, search, tile, ray, node):  # type: ignore[no-untyped-def]
+def _look(light, search, tile, ray, node):
     """Luminance, red, green and blue that a ray sees, as of `_seen`; a negative luminance in a hole of a piece."""
     if tile.numbers[PIECE, ray] < 0.0:
         return _seen(tile, ray, node, light)
@@ -259,7 +259,7 @@ def _look(light, search, tile, ray, node):  # type: ignore[no-untyped-def]
 
 
 @device
-def _exposed(light, luminance, red, green, blue):  # type: ignore[no-untyped-def]
+def _exposed(light, luminance, red, green, blue):
     """Luminance, red, green and blue as of `_seen`, of linear light."""
     luminance *= light.exposure
     clamped = min(luminance, 1.0)
@@ -271,7 +271,7 @@ def _exposed(light, luminance, red, green, blue):  # type: ignore[no-untyped-def
 
 
 @device
-def _seen(tile, ray, node, light):  # type: ignore[no-untyped-def]
+def _seen(tile, ray, node, light):
     """Luminance, red, green and blue of a hit, the colours without the luminance where there is no chroma."""
     nodes, chroma, above = light.nodes, light.chroma, light.above_white
     numbers = tile.numbers
@@ -293,7 +293,7 @@ def _seen(tile, ray, node, light):  # type: ignore[no-untyped-def]
 
 
 @device
-def _add(seen, weight, sums):  # type: ignore[no-untyped-def]
+def _add(seen, weight, sums):
     sums[0] += weight * seen[0]
     sums[1] += weight * seen[1]
     sums[2] += weight * seen[2]
@@ -302,7 +302,7 @@ def _add(seen, weight, sums):  # type: ignore[no-untyped-def]
 
 
 @device
-def _write_means(sums, colored, total, means):  # type: ignore[no-untyped-def]
+def _write_means(sums, colored, total, means):
     """Write the means (MEANS,) of weighted sums."""
     seen = sums[0] / LUMINANCE_SCALE
     means[0] = seen / total

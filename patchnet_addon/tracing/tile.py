@@ -90,25 +90,25 @@ class Search(NamedTuple):
 
 
 @array_device
-def make_tile():  # type: ignore[no-untyped-def]
+def make_tile():
     """Allocate a tile."""
     return Tile(np.empty((_NUMBERS, RAYS)), np.empty((_LANE_SETS, PACKETS), np.int64))
 
 
 @array_device
-def make_levels():  # type: ignore[no-untyped-def]
+def make_levels():
     """Allocate the levels of a walk."""
     return Levels(np.empty((MAX_LEVELS, _COLUMNS), np.int64), np.empty((MAX_LEVELS, OCTANTS)))
 
 
 @device
-def ray_of(row, column):  # type: ignore[no-untyped-def]
+def ray_of(row, column):
     """Index of the ray of a tile's pixel in a row and column, 0 to 7."""
     return (row >> 2) * 32 + (column >> 2) * LANES + (row & 3) * _PACKET + (column & 3)
 
 
 @device
-def want_pixels(tile, rows, columns):  # type: ignore[no-untyped-def]
+def want_pixels(tile, rows, columns):
     """Give each ray the picture coordinates of its column and row, and mark those in the first `rows` and `columns` of
     a tile as lanes to be traced.
     """
@@ -123,7 +123,7 @@ def want_pixels(tile, rows, columns):  # type: ignore[no-untyped-def]
 
 
 @device
-def aim_tile(camera, tile):  # type: ignore[no-untyped-def]
+def aim_tile(camera, tile):
     """Set the rays of a tile to those of the camera through their picture coordinates.
 
     Packets without a lane to trace are skipped.
@@ -147,7 +147,7 @@ def aim_tile(camera, tile):  # type: ignore[no-untyped-def]
 
 
 @device
-def _aimed(camera, sx, sy, axis):  # type: ignore[no-untyped-def]
+def _aimed(camera, sx, sy, axis):
     """Origin and direction of a packet's rays on an axis, the direction of any length."""
     pose = camera.pose
     origin, direction = splat(pose[0, axis]), splat(pose[3, axis])
@@ -158,7 +158,7 @@ def _aimed(camera, sx, sy, axis):  # type: ignore[no-untyped-def]
 
 
 @device
-def _set_axis(tile, axis, packet, origin, direction):  # type: ignore[no-untyped-def]
+def _set_axis(tile, axis, packet, origin, direction):
     """Store the rays of a packet on one axis, mirrored if they run downwards."""
     first = axis * RAYS + packet * LANES
     down = less(direction, splat(0.0))
@@ -170,7 +170,7 @@ def _set_axis(tile, axis, packet, origin, direction):  # type: ignore[no-untyped
 
 
 @device
-def node_seen(camera, tile, phase, ray):  # type: ignore[no-untyped-def]
+def node_seen(camera, tile, phase, ray):
     """Node hit by a ray in a phase, -1 beyond the far clipping distance."""
     node = np.int64(tile.numbers[NODE + phase, ray])
     if node >= 0 and tile.numbers[LENGTH + phase, ray] * tile.numbers[SPEED, ray] > camera.farthest:
@@ -179,14 +179,14 @@ def node_seen(camera, tile, phase, ray):  # type: ignore[no-untyped-def]
 
 
 @device
-def luminance_of_ray(light, node, tile, ray):  # type: ignore[no-untyped-def]
+def luminance_of_ray(light, node, tile, ray):
     """Luminance in [0, 1], float32, of a node along a ray."""
     x, y, z = tile.numbers[DIRECTION, ray], tile.numbers[DIRECTION + 1, ray], tile.numbers[DIRECTION + 2, ray]
     return luminance_along(light, node, x, y, z) / np.float32(LUMINANCE_SCALE)
 
 
 @device
-def find_entries(tile):  # type: ignore[no-untyped-def]
+def find_entries(tile):
     """Find the entry points of rays into the voxels that stopped them, and undo the mirroring of the cells."""
     for packet in range(PACKETS):
         if tile.lanes[WANTED, packet] == 0:

@@ -78,7 +78,7 @@ class _Bounds(NamedTuple):
 
 
 @device
-def trace_block(nodes, camera, search, first, count, offset, scratch):  # type: ignore[no-untyped-def]
+def trace_block(nodes, camera, search, first, count, offset, scratch):
     """Trace the rays of neighbouring pixels, with their entry points; returns the number of visits.
 
     first: row and column of the lowest left pixel. count: rows and columns from there on; a tile takes at most 8 of
@@ -96,7 +96,7 @@ def trace_block(nodes, camera, search, first, count, offset, scratch):  # type: 
 
 
 @device
-def trace_tile(nodes, search, tile, levels):  # type: ignore[no-untyped-def]
+def trace_tile(nodes, search, tile, levels):
     """Find first hits of a tile's rays in all phases of a `Search`; returns the number of nodes visited by tile and
     packets.
 
@@ -123,7 +123,7 @@ def trace_tile(nodes, search, tile, levels):  # type: ignore[no-untyped-def]
 
 
 @device
-def _bounds(tile, mirror):  # type: ignore[no-untyped-def]
+def _bounds(tile, mirror):
     """Bounds of the live rays of a tile."""
     x, y, z = _axis_bounds(tile, 0), _axis_bounds(tile, 1), _axis_bounds(tile, 2)
     start = _FAR
@@ -135,7 +135,7 @@ def _bounds(tile, mirror):  # type: ignore[no-untyped-def]
 
 
 @device
-def _axis_bounds(tile, axis):  # type: ignore[no-untyped-def]
+def _axis_bounds(tile, axis):
     """Smallest and largest origin, smallest and largest axial distance per unit along an axis."""
     low, high = splat(_FAR), splat(-_FAR)
     first_origin, last_origin, near, far = low, high, low, high
@@ -152,7 +152,7 @@ def _axis_bounds(tile, axis):  # type: ignore[no-untyped-def]
 
 
 @device
-def _walk(nodes, search, tile, bounds, levels):  # type: ignore[no-untyped-def]
+def _walk(nodes, search, tile, bounds, levels):
     """Walk down with all live rays of a tile; returns the number of visits."""
     level = np.int64(0)
     levels.state[0, HERE] = 0
@@ -190,7 +190,7 @@ def _walk(nodes, search, tile, bounds, levels):  # type: ignore[no-untyped-def]
 
 
 @device
-def _walk_packets(nodes, search, tile, mirror, levels, top):  # type: ignore[no-untyped-def]
+def _walk_packets(nodes, search, tile, mirror, levels, top):
     """Walk the subtree of the node at level `top` with each packet; returns the number of visits."""
     visits = 0
     for packet in range(PACKETS):
@@ -200,7 +200,7 @@ def _walk_packets(nodes, search, tile, mirror, levels, top):  # type: ignore[no-
 
 
 @device
-def _open(nodes, bounds, levels, level):  # type: ignore[no-untyped-def]
+def _open(nodes, bounds, levels, level):
     """Find the children of a level's node that rays of the tile may hit."""
     child = 0.5 / (np.int64(1) << level)
     x0, x1, x2, x3 = _plane_bounds(bounds, levels.state[level, AT], child, 0)
@@ -220,7 +220,7 @@ def _open(nodes, bounds, levels, level):  # type: ignore[no-untyped-def]
 
 
 @device
-def _plane_bounds(bounds, cell, child, axis):  # type: ignore[no-untyped-def]
+def _plane_bounds(bounds, cell, child, axis):
     """Smallest axial distances of a node's lower and middle plane, largest of its middle and upper plane."""
     low, middle, high = 2 * cell * child, (2 * cell + 1) * child, (2 * cell + 2) * child
     near, far = bounds.inverse_low[axis], bounds.inverse_high[axis]
@@ -234,10 +234,10 @@ def _plane_bounds(bounds, cell, child, axis):  # type: ignore[no-untyped-def]
 
 
 @device
-def _least(distance, near, far):  # type: ignore[no-untyped-def]
+def _least(distance, near, far):
     return distance * (near if distance >= 0.0 else far)
 
 
 @device
-def _most(distance, near, far):  # type: ignore[no-untyped-def]
+def _most(distance, near, far):
     return distance * (far if distance >= 0.0 else near)

@@ -108,7 +108,7 @@ def test_what_is_trained_is_what_predicts(octree: Octree, dataset: Dataset) -> N
         ratio=batch.ratio.ravel(),
     )
     coded = drain(encode_octree(octree, weights))
-    prediction = predict(coded, hits)  # type: ignore[arg-type]
+    prediction = predict(coded, hits)
     assert prediction.look_ahead.all()
     np.testing.assert_allclose(prediction.coverage, trained[:, 0].clip(0, 1), atol=2e-3)  # codes are half floats
     np.testing.assert_allclose(prediction.luminance, trained[:, 1], atol=2e-3)

@@ -49,7 +49,7 @@ class Forest:
 
 
 @array_device
-def tree_nodes(nodes, tree):  # type: ignore[no-untyped-def]
+def tree_nodes(nodes, tree):
     """Nodes of one octree of a forest, as `Nodes`."""
     boxes = nodes.boxes[nodes.box_start[tree] : nodes.box_start[tree + 1]]
     return Nodes(nodes.child_mask, nodes.first_child, nodes.first_boxed[tree], boxes, nodes.pieces, nodes.corners)

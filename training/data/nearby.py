@@ -35,7 +35,7 @@ class Nearby(NamedTuple):
 
 
 @array_device
-def gather_nearby(nodes, light, where, rays, tables, found):  # type: ignore[no-untyped-def]
+def gather_nearby(nodes, light, where, rays, tables, found):
     """Write cells near V voxels in the frames of R rays, without augmentation, into `found`: the arrays of a `Nearby`.
 
     nodes, light: of a `Forest`. where: octrees (V,) int64, around (V, 27) int32, see `Brick`, and gain and offset (V,
@@ -84,7 +84,7 @@ def gather_nearby(nodes, light, where, rays, tables, found):  # type: ignore[no-
 
 
 @device
-def _write_words(nodes, light, around, words):  # type: ignore[no-untyped-def]
+def _write_words(nodes, light, around, words):
     """Write the words (64,) of the cells around the corners of a voxel of an octree; around: see `Brick`.
 
     Cells in the voxel itself count as empty: pixels read them from the octree.
@@ -106,7 +106,7 @@ def _write_words(nodes, light, around, words):  # type: ignore[no-untyped-def]
 
 
 @device
-def _write_columns(rows, count, result):  # type: ignore[no-untyped-def]
+def _write_columns(rows, count, result):
     """Write the first `count` columns of a tile's rows as lines of `result`."""
     for place in range(count):
         for row in range(len(rows) // TILE):

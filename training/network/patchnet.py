@@ -62,7 +62,7 @@ class PatchNet(nn.Module):
     @property
     def device(self) -> torch.device:
         """Device of its parameters."""
-        return self.decoder[0].weight.device  # type: ignore[return-value,union-attr]
+        return next(self.parameters()).device
 
     def forward(self, batch: Batch, dtype: torch.dtype = torch.float32) -> Tensor:
         """Coverage and luminance (V, R, 2), see `decode`; codes and decoder are float32 for any `dtype` of the encoder.

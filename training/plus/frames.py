@@ -94,10 +94,10 @@ class PixelTable:
 
 
 @cache
-def symmetries() -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+def symmetries() -> tuple[tuple[np.ndarray, ...], ...]:
     """Permutations of a window's 9 pixels and of a pixel's 4 rays by symmetry; the first is the identity."""
     grids = np.arange(9).reshape(3, 3), np.arange(4).reshape(2, 2)
     return tuple(
-        tuple(np.rot90(grid.T if number >= 4 else grid, number % 4).ravel() for grid in grids)  # type: ignore[misc]
+        tuple(np.rot90(grid.T if number >= 4 else grid, number % 4).ravel() for grid in grids)
         for number in range(SYMMETRIES)
     )

@@ -91,7 +91,7 @@ def _packed(estimators: Estimators, form: Form) -> _Network:
 
 
 @kernel
-def _estimate(first, last, planes, shape, active, network, scores):  # type: ignore[no-untyped-def]
+def _estimate(first, last, planes, shape, active, network, scores):
     """Write the scores of rows of a band."""
     features, scale = empty_values(len(network.table)), np.empty(TILE, np.float32)
     tile, others = empty_values(HIDDEN), empty_values(HIDDEN)
@@ -113,7 +113,7 @@ def _estimate(first, last, planes, shape, active, network, scores):  # type: ign
 
 
 @array_device
-def _estimate_run(planes, size, at, network, work):  # type: ignore[no-untyped-def]
+def _estimate_run(planes, size, at, network, work):
     """Estimate a run of pixels: the first row of the third array of `work` gets the squared errors over the squared
     scales.
 
@@ -128,7 +128,7 @@ def _estimate_run(planes, size, at, network, work):  # type: ignore[no-untyped-d
 
 
 @array_device
-def _fill_features(planes, size, at, network, features, scale):  # type: ignore[no-untyped-def]
+def _fill_features(planes, size, at, network, features, scale):
     """Write the features of a run of pixels and their squared scales; size, at: as in `_estimate_run`."""
     centre = at[CENTRE]
     base, depth = network.base * size + centre, network.depth * size + centre
@@ -158,7 +158,7 @@ def _fill_features(planes, size, at, network, features, scale):  # type: ignore[
 
 
 @device
-def _fill_angles(planes, start, normal, size, cosines):  # type: ignore[no-untyped-def]
+def _fill_angles(planes, start, normal, size, cosines):
     """Write the cosines of normals from `start` on with those of the pixels themselves, from `normal` on."""
     for place in range(TILE):
         x = planes[start + place] * planes[normal + place]
@@ -168,7 +168,7 @@ def _fill_angles(planes, start, normal, size, cosines):  # type: ignore[no-untyp
 
 
 @array_device
-def _divide(table, features, scale):  # type: ignore[no-untyped-def]
+def _divide(table, features, scale):
     """Divide differences by their pixels' scale, and write its logarithm."""
     inverse = np.empty(TILE, np.float32)
     for place in range(TILE):
@@ -184,7 +184,7 @@ def _divide(table, features, scale):  # type: ignore[no-untyped-def]
 
 
 @device
-def _apply_last(inputs, features, network, results):  # type: ignore[no-untyped-def]
+def _apply_last(inputs, features, network, results):
     """Last layer: e^variance + mean^2 in the first row of the results, the mean in the second."""
     last, skip, bias = network.last, network.skip, network.bias
     for pixel in range(0, TILE, LANES):

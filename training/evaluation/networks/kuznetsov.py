@@ -64,7 +64,7 @@ class SampledPicture(torch.autograd.Function):
     """
 
     @staticmethod
-    def forward(ctx: Any, samples: Tensor, pictures: Tensor, reference: Tensor) -> Tensor:  # type: ignore[override]
+    def forward(ctx: Any, samples: Tensor, pictures: Tensor, reference: Tensor) -> Tensor:
         """Compose the picture."""
         most = _COUNTS[-1]
         beyond = torch.sqrt(most / samples.clamp(min=most))
@@ -77,7 +77,7 @@ class SampledPicture(torch.autograd.Function):
         return picture
 
     @staticmethod
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None]:  # type: ignore[override]
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None]:
         """Gradient by the samples alone."""
         samples, picture, reference = ctx.saved_tensors
         return gradient * (reference - picture) / samples, None, None
@@ -103,7 +103,7 @@ def _kernels() -> tuple[Tensor, Tensor]:
 def _loss(network: nn.Module, batch: MapBatch) -> Tensor:
     """Mean relative difference of the sampled pictures, and of their edges, in logarithms."""
     samples = sampling_map(network(batch.planes)).clamp(min=1.0)
-    picture: Tensor = SampledPicture.apply(samples, batch.pictures, batch.reference)  # type: ignore[no-untyped-call]
+    picture: Tensor = SampledPicture.apply(samples, batch.pictures, batch.reference)
     found, wanted = torch.log1p(picture)[:, None], torch.log1p(batch.reference)[:, None]
     edges = _edges(found) - _edges(wanted)
     return ((found - wanted).abs() / (wanted + _EPSILON)).mean() + (edges.abs() / (wanted + _EPSILON)).mean()

@@ -100,7 +100,7 @@ class MapLearner(Resumable):
         there = MapBatch(*(values.to(self.device) for values in (batch.planes, batch.pictures, batch.fine)))
         loss = self.network.loss(self.model, there)
         self.optimizer.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss.backward()
         self.optimizer.step()
         self.steps += 1
         return loss.detach()
