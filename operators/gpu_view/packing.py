@@ -21,6 +21,7 @@ from ...patchnet_addon.sampling.plus.forms import CENTRE, FORMS, WINDOW, Kind, P
 from ...patchnet_addon.sampling.plus.weights import HIDDEN as UNITS
 from ...patchnet_addon.sampling.plus.weights import Estimators
 from ...patchnet_addon.surface.chroma import GRAY_SHARE
+from ...patchnet_addon.surface.hit_textures import DETAIL
 from ...patchnet_addon.tracing.pixel_filter import PixelFilter, splat_of
 
 BOXED, SIDED, BRIGHT, PIECED = (1 << bit for bit in (24, 25, 26, 27))  # flags of a node
@@ -184,14 +185,17 @@ def corner_words(pieces: Pieces) -> np.ndarray:
     """Words (3 t, 4) uint32: corners of triangles as floats; beside the first their UVs' detail, then the material."""
     words = np.zeros((len(pieces.corners), 3, 4), np.float32)
     words[..., :3] = pieces.corners.reshape(-1, 3, 3)
-    words[:, :2, 3] = pieces.uvs[:, 6:]
+    words[:, :2, 3] = pieces.uvs[:, DETAIL:]
     return words.view(np.uint32).reshape(-1, 4)
 
 
 def chain_words(pieces: Pieces) -> np.ndarray:
     """Words (3 K, 4) uint32 of mip chains: first level, their number, wrap mode and detail; rows of the transform."""
-    rows = ("first", "level_count", "wrap", "detail"), ("one", "two", "three"), ("four", "five", "six")
-    return _record_words(pieces.textures.chains, *rows)
+    chains = pieces.textures.chains
+    words = np.zeros((len(chains), 3, 4), np.uint32)
+    words[:, 0] = _record_words(chains, ("first", "level_count", "wrap", "detail"))
+    words[:, 1:, :3] = chains["transform"].view(np.uint32)
+    return words.reshape(-1, 4)
 
 
 def material_words(pieces: Pieces) -> np.ndarray:
@@ -237,7 +241,7 @@ PIECE_WORDS: dict[str, Callable[[Pieces], np.ndarray]] = {
     "pieces": lambda pieces: pieces.triangle.reshape(-1, 1),
     "lights": lambda pieces: pieces.light,
     "corners": corner_words,
-    "uvs": lambda pieces: np.ascontiguousarray(pieces.uvs[:, :6]).view(np.uint32).reshape(-1, 2),
+    "uvs": lambda pieces: np.ascontiguousarray(pieces.uvs[:, :DETAIL]).view(np.uint32).reshape(-1, 2),
     "texels": lambda pieces: pieces.textures.texels.reshape(-1, 1),
     "mips": lambda pieces: np.pad(pieces.textures.levels, ((0, 0), (0, 1))).astype(np.uint32),
     "chains": chain_words,

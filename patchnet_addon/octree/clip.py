@@ -16,7 +16,22 @@ import numpy as np
 from ..cells.leaf_boxes import packed_axis
 from ..cells.morton_kernels import cell_key
 from ..runtime.kernels import device, kernel
-from ..surface.polygon import POLYGON_ROWS, cell_range, load_triangle, moments, split_x, split_y, split_z, splitter
+from ..surface.polygon import (
+    COLUMNS,
+    POLYGON_ROWS,
+    U,
+    V,
+    X,
+    Y,
+    Z,
+    cell_range,
+    load_triangle,
+    moments,
+    split_x,
+    split_y,
+    split_z,
+    splitter,
+)
 
 BRICK_LEVELS = 5  # a brick has 32 cells along each axis
 _BRICK = 1 << BRICK_LEVELS
@@ -28,7 +43,10 @@ _INITIAL_CAPACITY = 4096
     _REST_X, _SLAB, _REST_Y, _COLUMN, _REST_Z, _CELL, _FRAME, _ROWS,
 ) = range(0, 15 * POLYGON_ROWS, POLYGON_ROWS)  # fmt: skip
 
-_split_bricks_x, _split_bricks_y, _split_bricks_z = (splitter(axis, 0) for axis in range(3))
+# A fragment: key of its cell, triangle, packed box, and area and centroid in (u, v).
+_FRAGMENT = np.dtype([("key", "u8"), ("triangle", "i4"), ("box", "u4"), ("area", "f8"), ("u", "f8"), ("v", "f8")])
+
+_split_bricks_x, _split_bricks_y, _split_bricks_z = (splitter(axis, 0) for axis in (X, Y, Z))
 
 
 class _Brick(NamedTuple):
@@ -57,13 +75,10 @@ class _Wanted(NamedTuple):
 @device
 def _put(sink, count, key, triangle, box, moments):
     """Write one fragment if there is room for it, and count it."""
-    cells, measures = sink
-    if count < len(cells):
-        cells[count, 0] = key
-        cells[count, 1] = triangle
-        cells[count, 2] = box
-        for column in range(3):
-            measures[count, column] = moments[column]
+    if count < len(sink):
+        made = sink[count]
+        made.key, made.triangle, made.box = key, triangle, box
+        made.area, made.u, made.v = moments
     return count + 1
 
 
@@ -83,7 +98,7 @@ def _box(rows, piece, n_piece, cell):
     for axis in range(3):
         low, high = np.inf, -np.inf
         for i in range(piece, piece + n_piece):
-            along = rows[i, 3] * rows[_FRAME + 1, axis] + rows[i, 4] * rows[_FRAME + 2, axis]
+            along = rows[i, U] * rows[_FRAME + 1, axis] + rows[i, V] * rows[_FRAME + 2, axis]
             low, high = min(low, along), max(high, along)
         start = rows[_FRAME, axis] - cell[axis]
         box |= packed_axis(axis, start + low, start + high)
@@ -101,7 +116,7 @@ def _clip_column(rows, column, n_column, place, brick, wanted, sink, count):
     key = cell_key(place[0], place[1], 0)
     cells, shift = wanted.block
     rest, free, n_rest = column, _REST_Z, n_column
-    z, last = cell_range(rows, column, n_column, 2, brick.z, brick.z + brick.side - 1)
+    z, last = cell_range(rows, column, n_column, Z, brick.z, brick.z + brick.side - 1)
     while z <= last and n_rest >= 3:
         if z == last:
             piece, n_piece, n_rest = rest, n_rest, 0
@@ -123,7 +138,7 @@ def _clip_column(rows, column, n_column, place, brick, wanted, sink, count):
 def _clip_slab(rows, slab, n_slab, x, brick, wanted, sink, count):
     """Append the cells of one slab, column by column along y."""
     rest, free, n_rest = slab, _REST_Y, n_slab
-    y, last = cell_range(rows, slab, n_slab, 1, brick.y, brick.y + brick.side - 1)
+    y, last = cell_range(rows, slab, n_slab, Y, brick.y, brick.y + brick.side - 1)
     while y <= last and n_rest >= 3:
         if y == last:
             column, n_column, n_rest = rest, n_rest, 0
@@ -141,7 +156,7 @@ def _clip_slab(rows, slab, n_slab, x, brick, wanted, sink, count):
 def _clip_piece(rows, piece, n_piece, brick, wanted, sink, count):
     """Append the fragments of a polygon within a brick, slab by slab along x."""
     rest, free, n_rest = piece, _REST_X, n_piece
-    x, last = cell_range(rows, piece, n_piece, 0, brick.x, brick.x + brick.side - 1)
+    x, last = cell_range(rows, piece, n_piece, X, brick.x, brick.x + brick.side - 1)
     while x <= last and n_rest >= 3:
         if x == last:
             slab, n_slab, n_rest = rest, n_rest, 0
@@ -163,7 +178,7 @@ def _bricks_of_column(rows, column, n_column, x, y, wanted, sink, count):
     """Append the fragments in one column of bricks."""
     bricks, shift = wanted.near
     rest, free, n_rest = column, _BRICKS_REST_Z, n_column
-    z, last = cell_range(rows, column, n_column, 2, 0, wanted.last)
+    z, last = cell_range(rows, column, n_column, Z, 0, wanted.last)
     z, last = z >> BRICK_LEVELS, last >> BRICK_LEVELS
     while z <= last and n_rest >= 3:
         if z == last:
@@ -183,7 +198,7 @@ def _bricks_of_column(rows, column, n_column, x, y, wanted, sink, count):
 def _bricks_of_slab(rows, slab, n_slab, x, wanted, sink, count):
     """Append the fragments in one slab of bricks, column by column."""
     rest, free, n_rest = slab, _BRICKS_REST_Y, n_slab
-    y, last = cell_range(rows, slab, n_slab, 1, 0, wanted.last)
+    y, last = cell_range(rows, slab, n_slab, Y, 0, wanted.last)
     y, last = y >> BRICK_LEVELS, last >> BRICK_LEVELS
     while y <= last and n_rest >= 3:
         if y == last:
@@ -219,9 +234,9 @@ def _clip_bricks(rows, x, last, wanted, sink, count):
 def _clip_triangle(rows, wanted, sink, count):
     """Append the fragments of the triangle in `rows`."""
     last = wanted.last
-    x, x_last = cell_range(rows, _TRIANGLE, 3, 0, 0, last)
-    y, y_last = cell_range(rows, _TRIANGLE, 3, 1, 0, last)
-    z, z_last = cell_range(rows, _TRIANGLE, 3, 2, 0, last)
+    x, x_last = cell_range(rows, _TRIANGLE, 3, X, 0, last)
+    y, y_last = cell_range(rows, _TRIANGLE, 3, Y, 0, last)
+    z, z_last = cell_range(rows, _TRIANGLE, 3, Z, 0, last)
     i, j, k = x >> BRICK_LEVELS, y >> BRICK_LEVELS, z >> BRICK_LEVELS
     if i != x_last >> BRICK_LEVELS or j != y_last >> BRICK_LEVELS or k != z_last >> BRICK_LEVELS:
         return _clip_bricks(rows, i, x_last >> BRICK_LEVELS, wanted, sink, count)
@@ -252,9 +267,8 @@ def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, n
     fragment depends only on its triangle and cell, not on other requested ones. Runs on one core without the
     interpreter lock, so several may run in threads.
     """
-    cells = np.empty((_INITIAL_CAPACITY, 3), np.uint64)  # key, triangle, box
-    measures = np.empty((_INITIAL_CAPACITY, 3), np.float64)  # area in (u, v), u, v
-    rows = np.empty((_ROWS, 5), np.float64)
+    made = np.empty(_INITIAL_CAPACITY, _FRAGMENT)
+    rows = np.empty((_ROWS, COLUMNS), np.float64)
     count = 0
     triangle = first
     while triangle < last:
@@ -263,15 +277,12 @@ def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, n
             load_triangle(corners_voxel, triangle, rows)
             _set_frame(rows)
             wanted = _Wanted(triangle, slabs[0], slabs[1], resolution - 1, near, block)
-            total = _clip_triangle(rows, wanted, (cells, measures), count)
-        if total > len(cells):  # too many for the buffer: this triangle again
-            more_cells = np.empty((2 * total, 3), np.uint64)
-            more_measures = np.empty((2 * total, 3), np.float64)
+            total = _clip_triangle(rows, wanted, made, count)
+        if total > len(made):  # too many for the buffer: this triangle again
+            more = np.empty(2 * total, _FRAGMENT)
             for row in range(count):  # one assignment would add five seconds of compilation for its shape check
-                for column in range(3):
-                    more_cells[row, column] = cells[row, column]
-                    more_measures[row, column] = measures[row, column]
-            cells, measures = more_cells, more_measures
+                more[row] = made[row]
+            made = more
             continue
         count = total
         triangle += 1
@@ -281,10 +292,7 @@ def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, n
     area_world = np.empty(count, np.float64)
     boxes = np.empty(count, np.uint32)
     for i in range(count):
-        keys[i] = cells[i, 0]
-        triangles[i] = cells[i, 1]
-        boxes[i] = cells[i, 2]
-        barycentric[i, 0] = measures[i, 1]
-        barycentric[i, 1] = measures[i, 2]
-        area_world[i] = 2.0 * measures[i, 0] * areas_world[triangles[i]]
+        keys[i], triangles[i], boxes[i] = made[i].key, made[i].triangle, made[i].box
+        barycentric[i, 0], barycentric[i, 1] = made[i].u, made[i].v
+        area_world[i] = 2.0 * made[i].area * areas_world[triangles[i]]
     return keys, triangles, barycentric, area_world, keys, corners_voxel, boxes

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..surface.hit_textures import NO_TEXTURES, HitTextures
+from ..surface.hit_textures import MATERIAL_OF, NO_TEXTURES, HitTextures
 
 PIECES_VERSION = 2  # of the arrays of files
 MOST_PIECES = 32  # of a leaf; with more, as of a bush far away, it stays a box
@@ -27,7 +27,8 @@ class Pieces(NamedTuple):
     triangle: (p,) uint32, index of the triangle; the highest bit is set for the last piece of a leaf, the one below for
     triangles that a ray may pass. light: (p, 2) uint32, of front and back before exposure and without base colour, as
     `packed_light`. corners: (t, 9) float32 in the octree's cube. uvs: (t, 8) float32, those of the corners, half the
-    logarithm to base 2 of the triangle's area of UV coordinates over that in the cube, and its material. textures: base
+    logarithm to base 2 of the triangle's area of UV coordinates over that in the cube, and its material, in columns
+    that `hit_textures.py` names. textures: base
     colours and opacity of the materials.
     """
 
@@ -85,7 +86,12 @@ def are_consistent(pieces: Pieces, first: np.ndarray) -> bool:
     count, triangles, textures = len(pieces.triangle), len(pieces.corners), pieces.textures
     if len(pieces.light) != count or len(pieces.uvs) != triangles:
         return False
-    material, materials, chains, levels = pieces.uvs[:, 7], textures.materials, textures.chains, textures.levels
+    material, materials, chains, levels = (
+        pieces.uvs[:, MATERIAL_OF],
+        textures.materials,
+        textures.chains,
+        textures.levels,
+    )
     ends = levels[:, 0] + levels[:, 1] * levels[:, 2]
     return bool(
         ((first < count) | (first == NO_PIECES)).all()

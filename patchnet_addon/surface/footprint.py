@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from ..cells.morton_kernels import cell_coordinate
 from ..runtime.kernels import device
-from .polygon import load_triangle, moments, polygon_bounds, split_x, split_y, split_z
+from .polygon import U, V, X, Y, Z, load_triangle, moments, polygon_bounds, split_x, split_y, split_z
 from .texels import bilinear, cut, mip_level, on_texture, opacity_range, wrapped
 from .textures import CUT_SAMPLES, MIRROR, REPEAT
 
@@ -59,9 +59,9 @@ def _piece_in_cell(rows, key):
             kept = _REST if piece == _PIECE else _PIECE
             below = _BELOW if side == 0 else kept
             above = kept if side == 0 else _ABOVE
-            if axis == 0:
+            if axis == X:
                 n_below, n_above = split_x(rows, piece, count, cell + side, below, above)
-            elif axis == 1:
+            elif axis == Y:
                 n_below, n_above = split_y(rows, piece, count, cell + side, below, above)
             else:
                 n_below, n_above = split_z(rows, piece, count, cell + side, below, above)
@@ -74,15 +74,15 @@ def _piece_in_cell(rows, key):
 
 @device
 def piece_on_texture(rows, corners_voxel, key, triangle, uvs, m):
-    """Outline of a fragment on the texture, at _PIECE, columns 3 and 4; returns its number of vertices, 0 for none."""
+    """Outline of a fragment on the texture, at _PIECE, columns U and V; returns its number of vertices, 0 for none."""
     load_triangle(corners_voxel, triangle, rows)
     piece, count = _piece_in_cell(rows, key)
     for i in range(count):
-        s = rows[piece + i, 3]
-        t = rows[piece + i, 4]
+        s = rows[piece + i, U]
+        t = rows[piece + i, V]
         a = uvs[0, 0] + s * (uvs[1, 0] - uvs[0, 0]) + t * (uvs[2, 0] - uvs[0, 0])
         b = uvs[0, 1] + s * (uvs[1, 1] - uvs[0, 1]) + t * (uvs[2, 1] - uvs[0, 1])
-        rows[_PIECE + i, 3], rows[_PIECE + i, 4] = on_texture(m, a, b)
+        rows[_PIECE + i, U], rows[_PIECE + i, V] = on_texture(m, a, b)
     return count
 
 
@@ -101,25 +101,23 @@ def _span(low, high, size, margin, wrap):
 
 @device
 def _scale(rows, count, columns, lines):
-    """Write the outline in units of squares, counter-clockwise, to columns 1 and 2, and 3 and 4.
+    """Write the outline in units of squares, counter-clockwise, to columns Y and Z, and U and V.
 
-    Those of 3 and 4 are never set onto a line, so that areas add up.
+    Those of U and V are never set onto a line, so that areas add up.
     """
     turn = 0.0
     for i in range(count):
         j = (i + 1) % count
         a = _PIECE + i
         b = _PIECE + j
-        turn += (rows[a, 3] - rows[_PIECE, 3]) * (rows[b, 4] - rows[_PIECE, 4])
-        turn -= (rows[b, 3] - rows[_PIECE, 3]) * (rows[a, 4] - rows[_PIECE, 4])
+        turn += (rows[a, U] - rows[_PIECE, U]) * (rows[b, V] - rows[_PIECE, V])
+        turn -= (rows[b, U] - rows[_PIECE, U]) * (rows[a, V] - rows[_PIECE, V])
     for i in range(count):
         source = _PIECE + (i if turn >= 0.0 else count - 1 - i)
-        x = rows[source, 3] * columns
-        y = rows[source, 4] * lines
-        rows[_REST + i, 1] = x
-        rows[_REST + i, 2] = y
-        rows[_REST + i, 3] = x
-        rows[_REST + i, 4] = y
+        x = rows[source, U] * columns
+        y = rows[source, V] * lines
+        rows[_REST + i, Y], rows[_REST + i, Z] = x, y
+        rows[_REST + i, U], rows[_REST + i, V] = x, y
 
 
 @device
@@ -167,7 +165,7 @@ def _integrate(rows, count, texels, level, raster, squares, threshold):
         column, spare = slab, _BELOW
         y = squares.y_first
         if n_slab >= 3:
-            low, _ = polygon_bounds(rows, slab, n_slab, 2)
+            low, _ = polygon_bounds(rows, slab, n_slab, Z)
             y = min(max(squares.y_first, math.floor(low)), squares.y_last)
         while y <= squares.y_last and n_slab >= 3:
             if y == squares.y_last:
@@ -197,8 +195,8 @@ def footprint_means(rows, count, u, v, texels, levels, chain, threshold):
     Opacity is -1 where the outline has no area on the texture. Luminance times opacity is -1 where opacity is even, so
     that any average of the texture's luminance will do.
     """
-    u_low, u_high = polygon_bounds(rows, _PIECE, count, 3)
-    v_low, v_high = polygon_bounds(rows, _PIECE, count, 4)
+    u_low, u_high = polygon_bounds(rows, _PIECE, count, U)
+    v_low, v_high = polygon_bounds(rows, _PIECE, count, V)
     step = 0
     level = mip_level(levels, chain, step)
     soft = math.isnan(threshold)

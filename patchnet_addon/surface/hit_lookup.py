@@ -8,37 +8,31 @@ import math
 import numpy as np
 
 from ..runtime.kernels import device
-from .hit_textures import TOP
-from .texels import MipChain, mip_level, on_axis, wrapped
+from .hit_textures import DETAIL, MATERIAL_OF, TOP, U, V
+from .texels import MipChain, mip_level, on_texture, wrapped
 from .textures import BLACK, LEAST_BASE, MIRROR, REPEAT
 
 
 @device
-def is_clear(textures, triangles, row, side):
-    """Return whether one side of a triangle is see-through, 0 the front and 1 the back. triangles: as in `Pieces`."""
-    return textures.materials[np.int64(triangles[row, 7])].clear_side == side
+def is_clear(textures, uvs, row, side):
+    """Return whether one side of a triangle is see-through, 0 the front and 1 the back. uvs: as in `Pieces`."""
+    return textures.materials[np.int64(uvs[row, MATERIAL_OF])].clear_side == side
 
 
 @device
-def base_at_hit(textures, triangles, row, one, two, pixel):
+def base_at_hit(textures, uvs, row, one, two, pixel):
     """Base colour, red, green and blue, and opacity of a point of a triangle, means over a footprint.
 
-    triangles: (t, 8) as in `Pieces`. one, two: weights of the last two corners. pixel: side of the footprint. Colour is
+    uvs: (t, 8) as in `Pieces`. one, two: weights of the last two corners. pixel: side of the footprint. Colour is
     1 where it does not multiply light.
     """
-    material = textures.materials[np.int64(triangles[row, 7])]
-    red, green, blue, opacity = (
-        float(material.red),
-        float(material.green),
-        float(material.blue),
-        float(material.opacity),
-    )
+    material = textures.materials[np.int64(uvs[row, MATERIAL_OF])]
+    red, green, blue = float(material.red), float(material.green), float(material.blue)
+    opacity = float(material.opacity)
     if material.chain >= 0:
-        zero = 1.0 - one - two
-        s = zero * triangles[row, 0] + one * triangles[row, 2] + two * triangles[row, 4]
-        r = zero * triangles[row, 1] + one * triangles[row, 3] + two * triangles[row, 5]
+        s, r = _at(uvs, row, U, one, two), _at(uvs, row, V, one, two)
         mantissa, exponent = math.frexp(pixel)
-        level = triangles[row, 6] + exponent + 2.0 * mantissa - 2.0  # nearly the logarithm
+        level = uvs[row, DETAIL] + exponent + 2.0 * mantissa - 2.0  # nearly the logarithm
         threshold = float(material.threshold)
         red, green, blue, there = _mean(textures, material.chain, s, r, level, threshold / opacity)
         opacity = there if threshold == threshold else opacity * there
@@ -51,11 +45,16 @@ def base_at_hit(textures, triangles, row, one, two, pixel):
 
 
 @device
+def _at(uvs, row, axis, one, two):
+    """UV coordinate on an axis of a point of a triangle."""
+    return (1.0 - one - two) * uvs[row, axis] + one * uvs[row, 2 + axis] + two * uvs[row, 4 + axis]
+
+
+@device
 def _mean(textures, k, s, r, level, threshold):
     """Colour and opacity of a chain's nearest level. level: for a chain of one texel."""
     own = textures.chains[k]
-    u = on_axis(float(own.one), float(own.two), float(own.three), s, r)
-    v = on_axis(float(own.four), float(own.five), float(own.six), s, r)
+    u, v = on_texture(own.transform, s, r)
     chain = MipChain(int(own.first), int(own.level_count), int(own.wrap))
     step = int(min(max(level + own.detail + 0.5, 0.0), chain.level_count - 1.0))
     if chain.wrap != REPEAT and chain.wrap != MIRROR and not (0.0 <= u <= 1.0 and 0.0 <= v <= 1.0):

@@ -10,11 +10,12 @@ import numpy as np
 from .textures import LEVEL_BIAS, TextureTable
 
 TOP = 255.0
-# A mip chain: its first level, their number, and wrap mode; row by row its transform, as in `MipChains`; level of a
-# footprint that covers the unit square of UV coordinates.
+# Columns of a triangle's numbers in `Pieces.uvs`: u and v of each corner; level of detail; material.
+U, V, DETAIL, MATERIAL_OF = 0, 1, 6, 7
+# A mip chain: its first level, their number, wrap mode and transform, as in `MipChains`; level of a footprint that
+# covers the unit square of UV coordinates.
 CHAIN = np.dtype(
-    [("first", "<i4"), ("level_count", "<i4"), ("wrap", "<i4"), ("one", "<f4"), ("two", "<f4"), ("three", "<f4")]
-    + [("four", "<f4"), ("five", "<f4"), ("six", "<f4"), ("detail", "<f4")]
+    [("first", "<i4"), ("level_count", "<i4"), ("wrap", "<i4"), ("transform", "<f4", (2, 3)), ("detail", "<f4")]
 )
 # A material: chain and color_chain as in `MaterialTable`; linear colour without texture, gray without colour; opacity
 # and threshold; whether colour multiplies light, and whether it is not opaque everywhere; clear_side as there.
@@ -57,9 +58,8 @@ def _chains(table: TextureTable) -> np.ndarray:
     """Chains (K,) CHAIN of a table."""
     given = table.chains
     chains = np.empty(len(given.first), CHAIN)
-    chains["first"], chains["level_count"], chains["wrap"] = given.first, given.level_count, given.wrap
-    for number, name in enumerate(("one", "two", "three", "four", "five", "six")):
-        chains[name] = given.transform.reshape(-1, 6)[:, number]
+    for name in ("first", "level_count", "wrap", "transform"):
+        chains[name] = getattr(given, name)
     finest = given.levels[given.first]
     covered = np.abs(np.linalg.det(given.transform[:, :, :2])) * (finest[:, 1] * finest[:, 2])  # texels
     chains["detail"] = 0.5 * np.log2(np.maximum(covered, 1e-12)) - LEVEL_BIAS

@@ -13,6 +13,8 @@ import numpy as np
 
 from ..runtime.kernels import device
 
+X, Y, Z, U, V = range(5)  # columns of a vertex
+COLUMNS = 5
 # A triangle cut by twelve planes, six of a brick and six of a cell, has at most fifteen vertices.
 POLYGON_ROWS = 16
 
@@ -35,7 +37,7 @@ def splitter(axis: int, kept: int) -> Callable[..., tuple[int, int]]:
                 # From the vertex below to the one above, so that the cut does not depend on the direction of the edge.
                 low, high = (i, j) if a < b else (j, i)
                 t = (plane - rows[low, axis]) / (rows[high, axis] - rows[low, axis])
-                for k in range(kept, 5):
+                for k in range(kept, COLUMNS):
                     value = rows[low, k] + t * (rows[high, k] - rows[low, k])
                     rows[n_below, k] = value
                     rows[n_above, k] = value
@@ -44,11 +46,11 @@ def splitter(axis: int, kept: int) -> Callable[..., tuple[int, int]]:
                 n_below += 1
                 n_above += 1
             if a <= plane:
-                for k in range(kept, 5):
+                for k in range(kept, COLUMNS):
                     rows[n_below, k] = rows[i, k]
                 n_below += 1
             if a >= plane:
-                for k in range(kept, 5):
+                for k in range(kept, COLUMNS):
                     rows[n_above, k] = rows[i, k]
                 n_above += 1
             j = i
@@ -61,7 +63,7 @@ def splitter(axis: int, kept: int) -> Callable[..., tuple[int, int]]:
     return device(split)
 
 
-split_x, split_y, split_z = (splitter(axis, axis) for axis in range(3))
+split_x, split_y, split_z = (splitter(axis, axis) for axis in (X, Y, Z))
 
 
 @device
@@ -70,18 +72,18 @@ def load_triangle(corners_voxel, triangle, rows):
     for corner in range(3):
         for axis in range(3):
             rows[corner, axis] = corners_voxel[triangle, corner, axis]
-        rows[corner, 3] = 1.0 if corner == 1 else 0.0
-        rows[corner, 4] = 1.0 if corner == 2 else 0.0
+        rows[corner, U] = 1.0 if corner == 1 else 0.0
+        rows[corner, V] = 1.0 if corner == 2 else 0.0
 
 
 @device
-def polygon_bounds(rows, polygon, count, axis):
-    """Lowest and highest coordinate of a polygon along an axis."""
-    low = rows[polygon, axis]
+def polygon_bounds(rows, polygon, count, column):
+    """Lowest and highest number of a polygon's vertices in one column."""
+    low = rows[polygon, column]
     high = low
     for i in range(polygon + 1, polygon + count):
-        low = min(low, rows[i, axis])
-        high = max(high, rows[i, axis])
+        low = min(low, rows[i, column])
+        high = max(high, rows[i, column])
     return low, high
 
 
@@ -95,16 +97,16 @@ def cell_range(rows, polygon, count, axis, first, last):
 @device
 def moments(rows, polygon, count):
     """Area in (u, v) and centroid (u, v) of a polygon; the fan starts at vertex 0."""
-    u0 = rows[polygon, 3]
-    v0 = rows[polygon, 4]
+    u0 = rows[polygon, U]
+    v0 = rows[polygon, V]
     area = 0.0
     u_sum = 0.0
     v_sum = 0.0
-    ua = rows[polygon + 1, 3] - u0
-    va = rows[polygon + 1, 4] - v0
+    ua = rows[polygon + 1, U] - u0
+    va = rows[polygon + 1, V] - v0
     for i in range(polygon + 2, polygon + count):
-        ub = rows[i, 3] - u0
-        vb = rows[i, 4] - v0
+        ub = rows[i, U] - u0
+        vb = rows[i, V] - v0
         piece = 0.5 * (ua * vb - ub * va)
         area += piece
         u_sum += piece * (ua + ub)

@@ -37,13 +37,13 @@ def on_texture(m, s, r):
 
     Larger coordinates are whole numbers in single precision, which all wrap modes treat like `_FAR`.
     """
-    return on_axis(m[0, 0], m[0, 1], m[0, 2], s, r), on_axis(m[1, 0], m[1, 1], m[1, 2], s, r)
+    return _on_axis(m, 0, s, r), _on_axis(m, 1, s, r)
 
 
 @device
-def on_axis(along, across, start, s, r):
-    """One coordinate of `on_texture`, by a row of the transform."""
-    coordinate = along * s + across * r + start
+def _on_axis(m, axis, s, r):
+    """One coordinate of `on_texture`."""
+    coordinate = m[axis, 0] * s + m[axis, 1] * r + m[axis, 2]
     if -_FAR < coordinate < _FAR:
         return coordinate
     return _FAR if coordinate > 0.0 else -_FAR

@@ -17,6 +17,7 @@ from ..runtime.threads import run_parts
 from .chroma import BLUE, GREEN, RED
 from .footprint import ROWS, footprint_means, piece_on_texture
 from .mesh import Fragments, TriangleBatch
+from .polygon import COLUMNS
 from .texels import MipChain, bilinear, cut, mip_level, on_texture, wrapped
 from .textures import LEAST_BASE, LEVEL_BIAS, TextureTable
 
@@ -109,7 +110,7 @@ def _surface(begin, end, triangles, fragments, chains, materials, luminance_out,
     first, level_count, wrap = chains.first, chains.level_count, chains.wrap
     chain_of, color_chain_of = materials.chain, materials.color_chain
     plain_luminance, plain_opacity, thresholds = materials.luminance, materials.opacity, materials.threshold
-    rows = np.empty((ROWS, 5), np.float64)
+    rows = np.empty((ROWS, COLUMNS), np.float64)
     for index in range(begin, end):
         t = triangle[index]
         material = material_of[t]

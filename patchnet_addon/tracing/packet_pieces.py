@@ -38,8 +38,10 @@ def meet_pieces(nodes, tile, packet, mirror, leaf, size, through):
         piece = np.int64(nodes.pieces[index])
         row = piece & np.int64(TRIANGLE)
         ax, ay, az = _corner(nodes, row, 0)
-        b0, b1, b2 = nodes.corners[row, 3] - ax, nodes.corners[row, 4] - ay, nodes.corners[row, 5] - az
-        c0, c1, c2 = nodes.corners[row, 6] - ax, nodes.corners[row, 7] - ay, nodes.corners[row, 8] - az
+        bx, by, bz = _corner(nodes, row, 1)
+        cx, cy, cz = _corner(nodes, row, 2)
+        b0, b1, b2 = bx - ax, by - ay, bz - az
+        c0, c1, c2 = cx - ax, cy - ay, cz - az
         px = dy * splat(c2) - dz * splat(c1)
         py = dz * splat(c0) - dx * splat(c2)
         pz = dx * splat(c1) - dy * splat(c0)
@@ -70,9 +72,9 @@ def meet_pieces(nodes, tile, packet, mirror, leaf, size, through):
 
 
 @device
-def _corner(nodes, row, first):
-    """Corner of a triangle, the first of whose coordinates is in column `first`."""
-    corners = nodes.corners
+def _corner(nodes, row, corner):
+    """Corner of a triangle."""
+    corners, first = nodes.corners, 3 * corner
     return np.float64(corners[row, first]), np.float64(corners[row, first + 1]), np.float64(corners[row, first + 2])
 
 
