@@ -22,6 +22,7 @@ from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
 from ..runtime.errors import SettingError
 from ..runtime.kernels import device
 
+LOW, HIGH, STEPS = range(3)  # columns: rows of (x, y, z) and (x, y, z + 1), and the offsets
 COLUMNS = 3
 MAX_STEP = 0xFFFF  # from y to y + 1
 
@@ -51,23 +52,23 @@ def coded_nodes(octree: Octree, lookahead: int) -> tuple[CodedNodes, int]:
 def corners_of(table: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
     """Rows in the codes (..., 8) int64 of the corners of coded voxels (...,), x fastest."""
     lines = table[rows].astype(np.int64)
-    low, high, steps = lines[..., 0], lines[..., 1], lines[..., 2]
+    low, high, steps = (lines[..., column] for column in (LOW, HIGH, STEPS))
     starts = np.stack([low, low + (steps & MAX_STEP), high, high + (steps >> 16)], axis=-1)  # (..., 4)
     return (starts[..., None] + np.arange(2)).reshape(*starts.shape[:-1], 8)
 
 
 def last_row(table: np.ndarray) -> int:
     """Last row in the codes referenced by a table (K, 3), -1 for none."""
-    steps = np.stack([table[:, 2] & MAX_STEP, table[:, 2] >> 16], axis=1)
-    return int((table[:, :2] + steps.astype(np.int64)).max(initial=-2)) + 1
+    steps = np.stack([table[:, STEPS] & MAX_STEP, table[:, STEPS] >> 16], axis=1)
+    return int((table[:, :STEPS] + steps.astype(np.int64)).max(initial=-2)) + 1
 
 
 @device
 def corner_row(table, row, octant):
     """Row in the codes of one corner, x + 2 y + 4 z, of a coded voxel."""
-    start = np.int64(table[row, octant >> 2])
+    start = np.int64(table[row, HIGH if octant & 4 else LOW])
     if octant & 2:
-        start += (np.int64(table[row, 2]) >> (4 * (octant & 4))) & MAX_STEP
+        start += (np.int64(table[row, STEPS]) >> (4 * (octant & 4))) & MAX_STEP
     return start + (octant & 1)
 
 
@@ -77,10 +78,11 @@ def set_corner_rows(table: np.ndarray, lines: np.ndarray, octant: int, starts: n
 
     Raises SettingError if offsets exceed 16 bits.
     """
+    column = HIGH if octant & 4 else LOW
     if octant & 2 == 0:
-        table[lines, octant >> 2] = starts
+        table[lines, column] = starts
         return
-    steps = starts - table[lines, octant >> 2].astype(np.int64)
-    table[lines, 2] |= (steps << (16 if octant & 4 else 0)).astype(np.uint32)
+    steps = starts - table[lines, column].astype(np.int64)
+    table[lines, STEPS] |= (steps << (16 if octant & 4 else 0)).astype(np.uint32)
     if steps.max(initial=0) > MAX_STEP:
         raise SettingError("A line of voxels has more corners than the codes' table can hold: choose a smaller depth")

@@ -22,7 +22,7 @@ from ..network.devices import CPU, enough_memory, found_device
 from ..network.encoders import CHANNELS, LUMINANCE, Encoder, octant_matrices
 from ..network.kinds import CODE_SIZE, CORNERS
 from ..network.weights import Weights
-from ..octree.octree import Octree
+from ..octree.octree import Nodes, Octree
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
 from ..runtime.kernels import array_device, device, kernel
 from ..runtime.progress import Progress, Steps
@@ -68,6 +68,14 @@ class PackedLayers(NamedTuple):
         )
 
 
+class _Cells(NamedTuple):
+    """Cells of an octree: its nodes, their luminances (n,) uint16 and normals (n, 3) int8."""
+
+    nodes: Nodes
+    luminance: np.ndarray
+    normal: np.ndarray
+
+
 class _Lists(NamedTuple):
     """Lists of values and their columns, one after the other; list k is from starts[k] to starts[k + 1]."""
 
@@ -79,14 +87,14 @@ class _Lists(NamedTuple):
 def encode_corners(octree: Octree, level: int, corners: np.ndarray, layers: PackedLayers, lookahead: int) -> np.ndarray:
     """Codes (C, 10) float32 of corners (C, 3) int32 of a level."""
     codes = np.empty((len(corners), CODE_SIZE), np.float32)
-    cells = octree.nodes, octree.luminance, octree.normal
+    cells = _Cells(octree.nodes, octree.luminance, octree.normal)
     run_parts(_encode_chunks, -(-len(corners) // _CHUNK), cells, (level, lookahead), corners, layers, codes)
     return codes
 
 
 @kernel
 def _encode_chunks(first, last, cells, levels, corners, layers, codes):
-    """Encode chunks of corners. cells: `Nodes`, luminance, normal. levels: of the corners; look-ahead."""
+    """Encode chunks of corners. levels: of the corners; look-ahead."""
     size, width = layers.octants.shape[2], layers.bias.shape[1]
     most = _CHUNK * max(CORNERS * size, width)
     lists = _Lists(np.empty(most, np.uint16), np.empty(most, np.float32), np.zeros(CORNERS * _CHUNK + 1, np.int64))
@@ -126,9 +134,9 @@ def _list_blocks(cells, levels, corners, with_luminance, lists, numbers):
                 numbers[octant, corner] = numbers[octant + 1, corner - 1]
                 continue
             column, line, plane = octant & 1, octant >> 1 & 1, octant >> 2
-            node = covering_node(cells[0], 0, level, x - 1 + column, y - 1 + line, z - 1 + plane)
+            node = covering_node(cells.nodes, 0, level, x - 1 + column, y - 1 + line, z - 1 + plane)
             if node >= 0:
-                fill_block(cells[0], node, lookahead, nodes)
+                fill_block(cells.nodes, node, lookahead, nodes)
                 place = _list_block(cells, nodes, with_luminance, lists, place)
             numbers[octant, corner] = count
             count += 1

@@ -19,8 +19,8 @@ import numpy as np
 from ..network.compiled_layers import TILE, empty_values
 from ..network.kinds import CHILDREN
 from ..runtime.kernels import array_device, device
-from ..runtime.vectors import LANES, larger, less, load, select, smaller, splat, store
-from .outer_cells import SMALL
+from ..runtime.vectors import LANES, less, load, select, splat, store
+from .outer_cells import SMALL, inside_pixel
 from .ray_frame import CELLS, SIDE
 
 ABSENT = np.float32(-1)  # luminance of an empty cell
@@ -47,6 +47,15 @@ def _columns() -> tuple[np.ndarray, np.ndarray]:
 
 
 _PLACES, _MIDDLES = _columns()
+
+
+class PixelRay(NamedTuple):
+    """Ray of a pixel: entry point in the voxel, direction and up (3,), and ratio, see `Hits`."""
+
+    entry: np.ndarray
+    direction: np.ndarray
+    up: np.ndarray
+    ratio: np.ndarray | np.float32
 
 
 class FootprintTile(NamedTuple):
@@ -90,15 +99,15 @@ def fine_place(place):
 
 
 @device
-def set_frame(frame, axes, entry, direction, up, ratio, view, place):
+def set_frame(frame, axes, ray, view, place):
     """Write the projection of a pixel into column `place` of a tile's `frame`, and its view in the ray frame into
     `view`.
 
-    axes: three, of the ray frame. entry, direction, up: (3,) as in `PatchRays`, ratio a number. view: (9 * TILE,)
-    direction, entry point from -1 to 1, up. Rows of `frame`: pixels to the right and up per voxel side, position of the
-    voxel's lowest corner, half widths and half heights of a grandchild's faces across each axis, and the pixel's half
-    side.
+    axes: three, of the ray frame. ray: `PixelRay`. view: (9 * TILE,) direction, entry point from -1 to 1, up. Rows of
+    `frame`: pixels to the right and up per voxel side, position of the voxel's lowest corner, half widths and half
+    heights of a grandchild's faces across each axis, and the pixel's half side.
     """
+    entry, direction, up, ratio = ray
     right = (
         direction[1] * up[2] - direction[2] * up[1],
         direction[2] * up[0] - direction[0] * up[2],
@@ -191,13 +200,10 @@ def _overlap(frame, seen, middle, axis, pixel):
     """Area of pixels, in squared sides of the voxel, covered by a face across an axis."""
     (right_x, right_y, right_z), (up_x, up_y, up_z), (start_right, start_up), half = seen
     x, y, z = middle
-    none = splat(np.float32(0))
     right = start_right + x * right_x + (y * right_y + z * right_z)
     above = start_up + x * up_x + (y * up_y + z * up_z)
     wide, high = load(frame, (_WIDE + axis) * TILE + pixel), load(frame, (_HIGH + axis) * TILE + pixel)
-    across = smaller(right + wide, half) - larger(right - wide, none - half)
-    up = smaller(above + high, half) - larger(above - high, none - half)
-    return larger(across, none) * larger(up, none)
+    return inside_pixel(right, wide, half) * inside_pixel(above, high, half)
 
 
 @device

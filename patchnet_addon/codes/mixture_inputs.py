@@ -19,8 +19,8 @@ from ..runtime.vectors import LANES, lowest_one
 from .brick import OCTANTS
 from .coded_octree import CodedOctree
 from .corner_rows import corner_row
-from .footprint import fine_place, set_frame
-from .outer_cells import list_cells, mask_geometry, measure_cells, unpack_cells
+from .footprint import FootprintTile, empty_footprint_tile, fine_place, set_frame
+from .outer_cells import OuterList, empty_outer_list, list_cells, mask_geometry, measure_cells, unpack_cells
 from .ray_frame import CELLS, SIDE, cell_order, ray_frame
 
 # Cell (8, 8) of a 4x4x4 block by octant and octant within it, or by corner and cell around the corner.
@@ -82,22 +82,35 @@ def _list_box(boxes, row, shares, index):
 
 
 @device
-def place_fine(listed, count, order, tile, place):
+def place_fine(listed, count, order, axes, tile, place):
     """Write the first `count` cells of a list into column `place` of a cleared `FootprintTile`.
 
-    order: `nearby_order`, the number of the ray's frame, and its axes.
+    order: (64,) of `nearby_order` in the ray's frame. axes: of that frame.
     """
-    orders, frame, axes = order
     numbers, lights, listed_shares, fine, shares = listed.number, listed.light, listed.shares, tile.fine, tile.shares
     first, lane = fine_place(place)
     x, y, z = axes[0] * CELLS, axes[1] * CELLS, axes[2] * CELLS
     for index in range(count):
-        row = first + np.int64(orders[frame, numbers[index]]) * LANES
+        row = first + np.int64(order[numbers[index]]) * LANES
         fine[row + lane] = lights[index]
         at = 3 * row + lane
         shares[at] = listed_shares[x + index]
         shares[at + LANES] = listed_shares[y + index]
         shares[at + 2 * LANES] = listed_shares[z + index]
+
+
+class CellWork(NamedTuple):
+    """Scratch for cells near pixels: a tile for `measure_tile`, and lists of one voxel's cells."""
+
+    tile: FootprintTile
+    fine: FineList
+    outer: OuterList
+
+
+@array_device
+def empty_cell_work():
+    """Allocate scratch; call `clear_tile` before use."""
+    return CellWork(empty_footprint_tile(), empty_fine_list(), empty_outer_list())
 
 
 class NearbyCells(NamedTuple):
@@ -136,27 +149,27 @@ def nearby_order() -> np.ndarray:
 def place_pixel(nearby, voxel, ray, work, view, covered, shown, place):
     """Write a pixel's view of a voxel and its surroundings into column `place` of a tile, except its children.
 
-    voxel: its node, and the row of its corners. ray: entry, direction, up (3,) and ratio. work: a `FootprintTile`,
-    input of `measure_tile`, a `FineList` and an `OuterList`. view: see `set_frame`. covered, shown: see `measure_tile`.
+    voxel: its node, and the row of its corners. ray: `PixelRay`. work: `CellWork`. view: see `set_frame`. covered,
+    shown: see `measure_tile`.
     """
     node, row = voxel
     tile, fine, listed = work
     frame, axes = set_ray(ray, tile, view, place)
-    order = nearby.order, frame
-    count = list_fine(nearby.nodes, nearby.light, node, ray[1], fine)
-    place_fine(fine, count, (nearby.order, frame, axes), tile, place)
+    order = nearby.order[frame]
+    count = list_fine(nearby.nodes, nearby.light, node, ray.direction, fine)
+    place_fine(fine, count, order, axes, tile, place)
     cells, rows, geometry = nearby.cells, nearby.rows, nearby.geometry  # once: each access changes a reference count
     count = 0
     for corner in range(CORNERS):
         count = list_cells(cells, CORNERS * corner_row(rows, row, corner), corner, geometry, listed, count)
     unpack_cells(listed, count)
-    measure_cells(listed, count, ray, covered, shown, order, place)
+    measure_cells(listed, count, ray, order, covered, shown, place)
 
 
 @device
 def set_ray(ray, tile, view, place):
     """Write a ray into column `place` of a tile; returns the number of its frame, and the three axes of that."""
-    entry, direction, up, ratio = ray
-    number, first, second, third = ray_frame(direction[0], direction[1], direction[2])
-    set_frame(tile.frame, (first, second, third), entry, direction, up, ratio, view, place)
-    return number, (first, second, third)
+    direction = ray.direction
+    number, axes = ray_frame(direction[0], direction[1], direction[2])
+    set_frame(tile.frame, axes, ray, view, place)
+    return number, axes

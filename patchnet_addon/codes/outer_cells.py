@@ -116,17 +116,16 @@ def unpack_cells(listed, count):
 
 
 @device
-def measure_cells(listed, count, ray, covered, shown, order, place):
+def measure_cells(listed, count, ray, order, covered, shown, place):
     """Write the shares of a pixel that listed cells cover, and their luminances, into column `place` of outer cells.
 
-    The cells must be unpacked. ray: entry, direction, up (3,) and ratio. covered, shown: (64 * TILE,) rows of children,
-    then of outer cells. order: `nearby_order`, and the number of the ray's frame.
+    The cells must be unpacked. ray: `PixelRay`. order: (64,) of `nearby_order` in the ray's frame. covered, shown:
+    (64 * TILE,) rows of children, then of outer cells.
     """
     _measure(listed, count, ray)
     numbers, areas, lights = listed.number, listed.covered, listed.shown
-    orders, frame = order
     for index in range(count):
-        row = (np.uint64(CHILDREN) + OUTER_PLACE[orders[frame, numbers[index]]]) * np.uint64(TILE) + np.uint64(place)
+        row = (np.uint64(CHILDREN) + OUTER_PLACE[order[numbers[index]]]) * np.uint64(TILE) + np.uint64(place)
         covered[row] = areas[index]
         shown[row] = lights[index]
 
@@ -141,7 +140,7 @@ def _measure(listed, count, ray):
     right_z = direction[0] * up[1] - direction[1] * up[0]
     start_right = -(entry[0] * right_x + entry[1] * right_y + entry[2] * right_z)
     start_up = -(entry[0] * up[0] + entry[1] * up[1] + entry[2] * up[2])
-    half = np.float32(0.5) * ratio
+    half = splat(np.float32(0.5) * ratio)
     along_x, along_y, along_z = splat(abs(direction[0])), splat(abs(direction[1])), splat(abs(direction[2]))
     column, pixel = splat(np.float32(1 / 16)), splat(ratio * ratio)
     for first in range(0, count, LANES):
@@ -150,7 +149,7 @@ def _measure(listed, count, ray):
         across, wide = _extent(values, first, start_right, (right_x, right_y, right_z))
         above, high = _extent(values, first, start_up, (up[0], up[1], up[2]))
         scale = square_root(area / (splat(np.float32(4)) * wide * high + splat(np.float32(SMALL))))
-        overlap = _inside(across, wide * scale, half) * _inside(above, high * scale, half)
+        overlap = inside_pixel(across, wide * scale, half) * inside_pixel(above, high * scale, half)
         x, y, z = _three(values, _SEEN, first)
         x, y, z = along_x * x, along_y * y, along_z * z
         seen = x + y + z
@@ -177,10 +176,10 @@ def _extent(values, first, start, plane):
 
 
 @device
-def _inside(middle, reach, half):
-    """Vector of the part within a pixel of intervals around a middle."""
-    inside = smaller(middle + reach, splat(half)) - larger(middle - reach, splat(-half))
-    return larger(inside, splat(np.float32(0)))
+def inside_pixel(middle, reach, half):
+    """Vector of the part within pixels, of half side `half`, of intervals around a middle."""
+    none = splat(np.float32(0))
+    return larger(smaller(middle + reach, half) - larger(middle - reach, none - half), none)
 
 
 @device

@@ -19,7 +19,7 @@ from ..cells.scales import LUMINANCE_SCALE
 from ..directional.node_kernels import luminance_along
 from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
-from ..runtime.kernels import device, kernel
+from ..runtime.kernels import array_device, device, kernel
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
 from ..runtime.vectors import count_ones
@@ -74,24 +74,34 @@ class PatchRay(NamedTuple):
     ratio: float
 
 
+# Projection of a brick's cells onto the pixels of a viewport: pixels to the right and up per cell along each axis;
+# pixel of the brick's lowest corner; half width and height of a cell's outline; the three slabs whose intersection it
+# is: slope, half width, and the share of each side of a cell in that.
+_PROJECTION = np.dtype(
+    [("right", "f8", 3), ("up", "f8", 3), ("corner_u", "f8"), ("corner_v", "f8"), ("width", "f8"), ("height", "f8")]
+    + [("slope", "f8", 3), ("half", "f8", 3), ("share", "f8", (3, 3))]
+)
+
+
 class Viewport(NamedTuple):
     """Scratch to render patches.
 
-    projection: (9, 3) float64, see `_set_view`. taken: (64,) uint64, a bit for each pixel that shows a cell.
+    projection: (1,) `_PROJECTION`. taken: (64,) uint64, a bit for each pixel that shows a cell.
     """
 
     projection: np.ndarray
     taken: np.ndarray
 
 
+@array_device
+def empty_viewport():
+    """Allocate a viewport."""
+    return Viewport(np.empty(1, _PROJECTION), np.empty(VIEWPORT_PX, np.uint64))
+
+
 @device
 def _set_view(ray, lookahead, view):
-    """Fill `view` (9, 3) float64: the projection of the brick's cells onto the pixels of the viewport.
-
-    Rows 0 and 1: pixels to the right and up per cell along x, y, z. Row 2: pixel of the brick's lowest corner, and
-    the outline's half height. Rows 3 and 4: slope and half width of the three slabs whose intersection the outline is.
-    Row 5: half width of the outline. Rows 6 to 8: share of each side of a cell in the half width of each slab.
-    """
+    """Fill `view`, a `_PROJECTION`, for a `PatchRay`."""
     direction, up = ray.direction, ray.up
     side = float(1 << lookahead)
     scale = 64.0 / (side * ray.ratio)
@@ -100,25 +110,23 @@ def _set_view(ray, lookahead, view):
         direction[2] * up[0] - direction[0] * up[2],
         direction[0] * up[1] - direction[1] * up[0],
     )
-    view[2, 0] = 31.5
-    view[2, 1] = 31.5
+    view.corner_u = view.corner_v = 31.5
     for axis in range(3):
-        view[0, axis] = right[axis] * scale
-        view[1, axis] = up[axis] * scale
-        view[2, 0] -= side * (ray.entry_voxel[axis] + 1.0) * view[0, axis]
-        view[2, 1] -= side * (ray.entry_voxel[axis] + 1.0) * view[1, axis]
-    view[2, 2] = 0.5 * (abs(view[1, 0]) + abs(view[1, 1]) + abs(view[1, 2]))
-    view[5, 0] = 0.5 * (abs(view[0, 0]) + abs(view[0, 1]) + abs(view[0, 2]))
+        view.right[axis], view.up[axis] = right[axis] * scale, up[axis] * scale
+        view.corner_u -= side * (ray.entry_voxel[axis] + 1.0) * view.right[axis]
+        view.corner_v -= side * (ray.entry_voxel[axis] + 1.0) * view.up[axis]
+    view.width = 0.5 * (abs(view.right[0]) + abs(view.right[1]) + abs(view.right[2]))
+    view.height = 0.5 * (abs(view.up[0]) + abs(view.up[1]) + abs(view.up[2]))
     for axis in range(3):
-        a_u, a_v = view[0, axis], view[1, axis]
+        a_u, a_v = view.right[axis], view.up[axis]
         if abs(a_v) < 1e-9:  # this slab bounds only rows, like the outline's height
-            view[3, axis], view[4, axis] = 0.0, 1e9
-            view[6 + axis, :] = 1e9
+            view.slope[axis], view.half[axis] = 0.0, 1e9
+            view.share[axis, :] = 1e9
             continue
-        view[3, axis], view[4, axis] = a_u / a_v, 0.0
+        view.slope[axis], view.half[axis] = a_u / a_v, 0.0
         for other in range(3):
-            view[6 + axis, other] = 0.5 * abs(a_u * view[1, other] - a_v * view[0, other]) / abs(a_v)
-            view[4, axis] += view[6 + axis, other]
+            view.share[axis, other] = 0.5 * abs(a_u * view.up[other] - a_v * view.right[other]) / abs(a_v)
+            view.half[axis] += view.share[axis, other]
 
 
 @device
@@ -128,12 +136,12 @@ def _draw_box(view, boxes, row, centre_u, centre_v, rows):
     for axis in range(3):
         side = box_side(boxes, row, axis) / STEPS
         shift = (np.int64(boxes[row, axis]) & 15) / STEPS + 0.5 * side - 0.5
-        centre_u += shift * view[0, axis]
-        centre_v += shift * view[1, axis]
-        height += 0.5 * side * abs(view[1, axis])
-        w0 += side * view[6, axis]
-        w1 += side * view[7, axis]
-        w2 += side * view[8, axis]
+        centre_u += shift * view.right[axis]
+        centre_v += shift * view.up[axis]
+        height += 0.5 * side * abs(view.up[axis])
+        w0 += side * view.share[0, axis]
+        w1 += side * view.share[1, axis]
+        w2 += side * view.share[2, axis]
     return _draw(view, (height, w0, w1, w2), centre_u, centre_v, rows)
 
 
@@ -147,7 +155,7 @@ def _draw(view, outline, centre_u, centre_v, rows):
     height, w0, w1, w2 = outline
     first = max(0, int(np.ceil(centre_v - height)))
     last = min(63, int(np.floor(centre_v + height)))
-    m0, m1, m2 = view[3, 0], view[3, 1], view[3, 2]
+    m0, m1, m2 = view.slope[0], view.slope[1], view.slope[2]
     taken = np.int64(0)
     for row in range(first, last + 1):
         dv = row - centre_v
@@ -175,7 +183,7 @@ def render_patch(nodes, light, brick, ray, lookahead, viewport):
     blocks and cells is front to back.
     """
     cells, counts, direction = brick.nodes, brick.counts, ray.direction
-    view, rows = viewport.projection, viewport.taken
+    view, rows = viewport.projection[0], viewport.taken
     first_boxed, boxes = nodes.first_boxed, nodes.boxes
     _set_view(ray, lookahead, view)
     rows[:] = 0
@@ -183,8 +191,8 @@ def render_patch(nodes, light, brick, ray, lookahead, viewport):
     mask = (1 << lookahead) - 1
     flip = mask * (int(flip_x) + (int(flip_y) << lookahead) + (int(flip_z) << 2 * lookahead))
     side = float(1 << lookahead)
-    height, width = view[2, 2], view[5, 0]
-    cube = height, view[4, 0], view[4, 1], view[4, 2]
+    right, up, height, width = view.right, view.up, view.height, view.width
+    cube = height, view.half[0], view.half[1], view.half[2]
     hit, total = 0, 0.0
     for turn in range(27):
         bx, by, bz = turn % 3, turn // 3 % 3, turn // 9
@@ -192,10 +200,10 @@ def render_patch(nodes, light, brick, ray, lookahead, viewport):
         block = bx + 3 * by + 9 * bz
         if counts[block] == 0:
             continue
-        block_u = view[2, 0] + side * (bx * view[0, 0] + by * view[0, 1] + bz * view[0, 2])
-        block_v = view[2, 1] + side * (bx * view[1, 0] + by * view[1, 1] + bz * view[1, 2])
-        middle_u = block_u + 0.5 * side * (view[0, 0] + view[0, 1] + view[0, 2])
-        middle_v = block_v + 0.5 * side * (view[1, 0] + view[1, 1] + view[1, 2])
+        block_u = view.corner_u + side * (bx * right[0] + by * right[1] + bz * right[2])
+        block_v = view.corner_v + side * (bx * up[0] + by * up[1] + bz * up[2])
+        middle_u = block_u + 0.5 * side * (right[0] + right[1] + right[2])
+        middle_v = block_v + 0.5 * side * (up[0] + up[1] + up[2])
         if abs(middle_u - 31.5) > 31.5 + side * width or abs(middle_v - 31.5) > 31.5 + side * height:
             continue
         for slot in range(cells.shape[1]):
@@ -206,8 +214,8 @@ def render_patch(nodes, light, brick, ray, lookahead, viewport):
             x = (cell & mask) + 0.5
             y = ((cell >> lookahead) & mask) + 0.5
             z = (cell >> 2 * lookahead) + 0.5
-            centre_u = block_u + x * view[0, 0] + y * view[0, 1] + z * view[0, 2]
-            centre_v = block_v + x * view[1, 0] + y * view[1, 1] + z * view[1, 2]
+            centre_u = block_u + x * right[0] + y * right[1] + z * right[2]
+            centre_v = block_v + x * up[0] + y * up[1] + z * up[2]
             if abs(centre_u - 31.5) > 31.5 + width or abs(centre_v - 31.5) > 31.5 + height:
                 continue
             if node >= first_boxed:
@@ -227,7 +235,7 @@ def render_patch(nodes, light, brick, ray, lookahead, viewport):
 def _render(first, last, nodes, light, rays, lookahead, coverage_out, luminance_out):
     for group in range(first, last):
         brick = empty_brick(lookahead)
-        viewport = Viewport(np.empty((9, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
+        viewport = empty_viewport()
         fill_brick(nodes, 0, rays.level[group], rays.cell[group], lookahead, brick)
         for at in range(rays.group_start[group], rays.group_start[group + 1]):
             ray = PatchRay(rays.entry_voxel[at], rays.direction[at], rays.up[at], rays.ratio[at])

@@ -26,9 +26,8 @@ from ..runtime.threads import run_parts
 from ..runtime.vectors import HALF_SCALE, add_product, load_halves, splat, store
 from .coded_octree import CodedOctree
 from .corner_rows import CodedNodes, corner_row
-from .footprint import clear_tile, empty_footprint_tile, measure_tile
-from .mixture_inputs import NearbyCells, empty_fine_list, place_pixel
-from .outer_cells import empty_outer_list
+from .footprint import PixelRay, clear_tile, measure_tile
+from .mixture_inputs import NearbyCells, empty_cell_work, place_pixel
 
 if TYPE_CHECKING:
     from ..tracing.render import Hits
@@ -188,7 +187,7 @@ def _predict(first, last, rays, corner_codes, nearby, layers, results):
     coverage, luminance, look_ahead = results
     tile = empty_tile()
     inputs, _, luminances = tile
-    work = empty_footprint_tile(), empty_fine_list(), empty_outer_list()
+    work = empty_cell_work()
     pixels, rows = np.empty(TILE, np.int64), np.empty(TILE, np.int64)
     pixel, end = first * TILE, min(last * TILE, len(coverage))
     while pixel < end:
@@ -227,12 +226,12 @@ def _fill_place(rays, nearby, pixels, rows, work, inputs, luminances):
     """Write the viewing rays of pixels, the shares that cells cover, and the luminances to mix."""
     scale = np.float32(1.0 / LUMINANCE_SCALE)
     covered = inputs[COVERED * TILE :]
-    clear_tile(work[0], covered, luminances)
+    clear_tile(work.tile, covered, luminances)
     for place in range(len(rows)):
         pixel = pixels[place]
         node = rays.node[pixel]
-        ray = rays.entry[pixel], rays.direction[pixel], rays.up[pixel], rays.ratio[pixel]
+        ray = PixelRay(rays.entry[pixel], rays.direction[pixel], rays.up[pixel], rays.ratio[pixel])
         place_pixel(nearby, (node, rows[place]), ray, work, inputs[VIEWS * TILE :], covered, luminances, place)
-        x, y, z = ray[1][0], ray[1][1], ray[1][2]
+        x, y, z = ray.direction[0], ray.direction[1], ray.direction[2]
         luminances[COVERING * TILE + place] = luminance_along(nearby.light, node, x, y, z) * scale
-    measure_tile(work[0], covered, luminances)
+    measure_tile(work.tile, covered, luminances)

@@ -45,4 +45,4 @@ def ray_frame(x, y, z):
     if first < second:
         a, b = b, a
     number = 8 * (2 * a + (1 if b > c else 0))
-    return number + (1 if x < 0 else 0) + (2 if y < 0 else 0) + (4 if z < 0 else 0), a, b, c
+    return number + (1 if x < 0 else 0) + (2 if y < 0 else 0) + (4 if z < 0 else 0), (a, b, c)

@@ -139,14 +139,14 @@ def _box_overlap(
     area: np.ndarray,
     ratio: np.ndarray,
 ) -> np.ndarray:
-    """Area (N,) of pixels that a box covers, whose middle is at offsets (N, 3) from the entry point.
+    """Area (...) of pixels that a box covers, whose middle is at offsets (..., 3) from the entry point.
 
-    plane: right and up (N, 3). halves: (N,) each, what its outline extends to the right and up. area: (N,) of it.
+    plane: right and up (..., 3). halves: (...) each, what its outline extends to the right and up. area: of it.
     """
     scale = np.sqrt(area / (4 * halves[0] * halves[1] + SMALL))
     sides = []
     for axis, half in zip(plane, halves, strict=True):
-        centre, reach = (offset * axis).sum(axis=1), half * scale
+        centre, reach = (offset * axis).sum(axis=-1), half * scale
         sides.append(np.minimum(centre + reach, ratio / 2) - np.maximum(centre - reach, -ratio / 2))
     return np.asarray(np.maximum(sides[0], 0) * np.maximum(sides[1], 0))
 
@@ -232,13 +232,9 @@ def outer_cells_reference(
     halves = (upper + lower) / 8
     others = [np.delete(halves, axis, axis=-1).prod(axis=-1) for axis in range(3)]
     area = 4 * sum(np.abs(direction[:, None, axis]) * others[axis] for axis in range(3))
-    overlap = np.ones(words.shape)
-    sides = [(halves * np.abs(plane[:, None])).sum(axis=-1) for plane in (right, up)]
-    scale = np.sqrt(area / (4 * sides[0] * sides[1] + SMALL))
-    for plane, side in zip((right, up), sides, strict=True):
-        centre, reach = ((middle - entry[:, None]) * plane[:, None]).sum(axis=-1), side * scale
-        half = ratio[:, None] / 2
-        overlap *= np.maximum(np.minimum(centre + reach, half) - np.maximum(centre - reach, -half), 0)
+    plane = right[:, None], up[:, None]
+    sides = tuple((halves * np.abs(axis)).sum(axis=-1) for axis in plane)
+    overlap = _box_overlap(middle - entry[:, None], plane, sides, area, ratio[:, None])
     seen = np.abs(direction)[:, None] * columns  # (N, 64, 3)
     faces = face_luminances(words).reshape(*words.shape, 3, 2)
     met = np.where(direction[:, None] < 0, faces[..., 1], faces[..., 0])

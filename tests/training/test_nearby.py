@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from patchnet.patchnet_addon.codes.encode import encode_octree
+from patchnet.patchnet_addon.codes.footprint import PixelRay
 from patchnet.patchnet_addon.codes.mixture_inputs import nearby_order
 from patchnet.patchnet_addon.codes.outer_cells import mask_geometry
 from patchnet.patchnet_addon.codes.predict import predict
@@ -55,9 +56,8 @@ def nearby(octree: Octree, voxel: np.ndarray, rays: tuple[np.ndarray, ...], line
     forest, tables = concatenate([octree]), (mask_geometry(), nearby_order())
     where = np.zeros(len(voxel), np.int64), around_voxels(octree, voxel), linear
     found = Nearby(*(np.empty((*rays[3].shape, size), np.float32) for size in (VIEW, COVERING, MIXED)))
-    arrays = found.view, found.covered, found.luminances
-    exact = tuple(np.ascontiguousarray(array, np.float32) for array in rays)
-    gather(forest.nodes, forest.light, where, exact, tables, arrays)
+    exact = PixelRay(*(np.ascontiguousarray(array, np.float32) for array in rays))
+    gather(forest.nodes, forest.light, where, exact, tables, found)
     return found
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from ...patchnet_addon.cells.leaf_boxes import filled_share
 from ...patchnet_addon.cells.scales import LUMINANCE_SCALE, NORMAL_SCALE
 from ...patchnet_addon.codes.brick import MIDDLE, Brick, empty_brick, fill_blocks, nodes_around
+from ...patchnet_addon.codes.footprint import PixelRay
 from ...patchnet_addon.codes.mixture_inputs import nearby_order
 from ...patchnet_addon.codes.outer_cells import mask_geometry
 from ...patchnet_addon.network.kinds import COVERING, MIXED, VIEW
@@ -77,9 +78,10 @@ def gather_batch(
     unit, symmetries = np.float32(UNIT), cube_symmetries(lookahead)
     entry, ratio, luminance = views[..., :3] / unit, views[..., 9] / unit, views[..., 11] / unit
     direction, up = (views[..., at : at + 3].astype(np.int16) / np.float32(SIGNED) for at in (3, 6))
+    rays = PixelRay(entry, direction, up, ratio)
     blocks, moved, around, linear, near = _gather(
         (forest.nodes, forest.light, forest.normal, forest.root),
-        (np.ascontiguousarray(tree, np.int32), np.ascontiguousarray(voxel, np.uint16), (entry, direction, up, ratio)),
+        (np.ascontiguousarray(tree, np.int32), np.ascontiguousarray(voxel, np.uint16), rays),
         (augmentation.remap, augmentation.symmetry, symmetries),
         (lookahead, block_values(lookahead, nearby=nearby), nearby),
         (mask_geometry(), nearby_order()),
@@ -97,7 +99,7 @@ def gather_batch(
         views[..., 10] / np.float32(COVERAGE_SCALE),
         luminance * linear[:, :1] + linear[:, 1:],
         forest.luminance[around[:, MIDDLE]] / np.float32(LUMINANCE_SCALE),
-        nearby=Nearby(*near) if nearby else None,
+        nearby=near if nearby else None,
     )
 
 
@@ -120,8 +122,8 @@ def _gather(forest, stored, augmentation, how, tables):
     where, cells_of = (root, tree, voxel), (light_of.luminance, normal)
     found, how_blocks = (moved, around, linear), (lookahead, not nearby)
     used = _gather_blocks(nodes, cells_of, where, augmentation, how_blocks, blocks, found)
-    near_views = rays[3].shape[1] if nearby else 0
-    near = (
+    near_views = rays.ratio.shape[1] if nearby else 0
+    near = Nearby(
         np.empty((count, near_views, VIEW), np.float32),
         np.empty((count, near_views, COVERING), np.float32),
         np.empty((count, near_views, MIXED), np.float32),

@@ -13,9 +13,9 @@ import numpy as np
 from ...patchnet_addon.cells.scales import LUMINANCE_SCALE
 from ...patchnet_addon.codes.brick import MIDDLE, child_at
 from ...patchnet_addon.codes.corner_cells import EMPTY, word_of
-from ...patchnet_addon.codes.footprint import clear_tile, empty_footprint_tile, measure_tile
-from ...patchnet_addon.codes.mixture_inputs import empty_fine_list, list_fine, place_fine, set_ray
-from ...patchnet_addon.codes.outer_cells import empty_outer_list, list_cells, measure_cells, unpack_cells
+from ...patchnet_addon.codes.footprint import PixelRay, clear_tile, measure_tile
+from ...patchnet_addon.codes.mixture_inputs import empty_cell_work, list_fine, place_fine, set_ray
+from ...patchnet_addon.codes.outer_cells import list_cells, measure_cells, unpack_cells
 from ...patchnet_addon.codes.ray_frame import CELLS, SIDE
 from ...patchnet_addon.network.compiled_layers import TILE, empty_values
 from ...patchnet_addon.network.kinds import CORNERS, COVERING, MIXED, VIEW
@@ -36,18 +36,19 @@ class Nearby(NamedTuple):
 
 @array_device
 def gather_nearby(nodes, light, where, rays, tables, found):
-    """Write cells near V voxels in the frames of R rays, without augmentation, into `found`: the arrays of a `Nearby`.
+    """Write cells near V voxels in the frames of R rays, without augmentation, into `found`, a `Nearby`.
 
     nodes, light: of a `Forest`. where: octrees (V,) int64, around (V, 27) int32, see `Brick`, and gain and offset (V,
-    2) of luminance. rays: entry, direction, up (V, R, 3) and ratio (V, R). tables: `mask_geometry`, `nearby_order`.
+    2) of luminance. rays: `PixelRay` of arrays (V, R, 3), ratio (V, R). tables: `mask_geometry`, `nearby_order`.
     """
-    count, of_voxel = rays[3].size, rays[3].shape[1]
-    entry, direction = rays[0].reshape((count, 3)), rays[1].reshape((count, 3))
-    up, ratio = rays[2].reshape((count, 3)), rays[3].reshape(count)
-    view, covered = found[0].reshape((count, VIEW)), found[1].reshape((count, COVERING))
-    luminances = found[2].reshape((count, MIXED))
-    tile, views, listed, fine = empty_footprint_tile(), empty_values(VIEW), empty_outer_list(), empty_fine_list()
-    shares, lights = empty_values(COVERING), empty_values(COVERING)
+    count, of_voxel = rays.ratio.size, rays.ratio.shape[1]
+    entry, direction = rays.entry.reshape((count, 3)), rays.direction.reshape((count, 3))
+    up, ratio = rays.up.reshape((count, 3)), rays.ratio.reshape(count)
+    view, covered, luminances = found
+    view, covered = view.reshape((count, VIEW)), covered.reshape((count, COVERING))
+    luminances = luminances.reshape((count, MIXED))
+    tile, fine, listed = empty_cell_work()
+    views, shares, lights = empty_values(VIEW), empty_values(COVERING), empty_values(COVERING)
     words = np.empty(CELLS, np.uint32)
     tree, around, linear = where
     geometry, orders = tables
@@ -68,10 +69,10 @@ def gather_nearby(nodes, light, where, rays, tables, found):
                     near = list_cells(words, CORNERS * corner, corner, geometry, listed, near)
                 unpack_cells(listed, near)
                 last = here
-            ray = entry[index], direction[index], up[index], ratio[index]
+            ray = PixelRay(entry[index], direction[index], up[index], ratio[index])
             frame, axes = set_ray(ray, tile, views, place)
-            place_fine(fine, inside, (orders, frame, axes), tile, place)
-            measure_cells(listed, near, ray, shares, lights, (orders, frame), place)
+            place_fine(fine, inside, orders[frame], axes, tile, place)
+            measure_cells(listed, near, ray, orders[frame], shares, lights, place)
             luminances[index, COVERING] = np.float32(light.luminance[node]) * np.float32(1.0 / LUMINANCE_SCALE)
         measure_tile(tile, shares, lights)
         _write_columns(views, together, view[start:])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...patchnet_addon.codes.brick import MIDDLE, empty_brick, fill_brick
-from ...patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRay, Viewport, render_patch
+from ...patchnet_addon.codes.patch_rays import PatchRay, empty_viewport, render_patch
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.kernels import array_device, device, kernel
@@ -161,7 +161,7 @@ def _draw_views(state, nodes, light, root, voxel, lookahead, views):
     numbers, which is advanced.
     """
     brick = empty_brick(lookahead)
-    viewport = Viewport(np.empty((9, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
+    viewport = empty_viewport()
     fill_brick(nodes, root, voxel[0], voxel[1:], lookahead, brick)
     origin, direction, up = np.empty(3), np.empty(3), np.empty(3)
     found = 0
