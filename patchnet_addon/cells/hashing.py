@@ -38,7 +38,7 @@ def row_of_key(slots, keys, key):
 
 
 @kernel
-def fill_slots(slots, keys, rows):
+def fill_slots(slots: np.ndarray, keys: np.ndarray, rows: np.ndarray) -> None:
     """Enter some rows (m,) of different keys (n,); slots hold rows + 1, and 0 where they are free."""
     for row in rows:
         slots[-1 - row_of_key(slots, keys, keys[row])] = row + 1

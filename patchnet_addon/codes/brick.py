@@ -21,9 +21,9 @@ import numpy as np
 from ..cells.leaf_boxes import filled_share
 from ..cells.morton import POPCOUNT
 from ..cells.scales import LUMINANCE_SCALE, NORMAL_SCALE
+from ..network.encoders import CHANNELS, LUMINANCE, NORMAL, OCCUPANCY
 from ..network.kinds import CHILDREN
-from ..network.weights import CHANNELS
-from ..octree.octree import Octree
+from ..octree.octree import Nodes, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, INT32_COUNT, NODE_ADVICE, check_count
 from ..runtime.kernels import array_device, device, kernel
 
@@ -194,14 +194,16 @@ def corner_neighbours(octree: Octree, level: int, corners: np.ndarray) -> np.nda
 
 
 @kernel
-def _find_covering(nodes, level, cells, found):
+def _find_covering(nodes: Nodes, level: int, cells: np.ndarray, found: np.ndarray) -> None:
     for row in range(len(cells)):
         x, y, z = np.int64(cells[row, 0]), np.int64(cells[row, 1]), np.int64(cells[row, 2])
         found[row] = covering_node(nodes, 0, level, x, y, z)
 
 
 @kernel
-def _fill_blocks(nodes, luminance, normal, voxels, lookahead, blocks):
+def _fill_blocks(
+    nodes: Nodes, luminance: np.ndarray, normal: np.ndarray, voxels: np.ndarray, lookahead: int, blocks: np.ndarray
+) -> None:
     """Write the blocks of nodes `voxels` (N,) into `blocks` (N, 8^lookahead, 5), all zero."""
     cells = np.empty(blocks.shape[1], np.int32)
     luminance_scale, normal_scale = np.float32(LUMINANCE_SCALE), np.float32(NORMAL_SCALE)
@@ -214,7 +216,7 @@ def _fill_blocks(nodes, luminance, normal, voxels, lookahead, blocks):
             if node < 0:
                 continue
             boxed = np.int64(node) - nodes.first_boxed
-            blocks[row, cell, 0] = filled_share(nodes.boxes, boxed) if boxed >= 0 else np.float32(1)
-            blocks[row, cell, 1] = np.float32(luminance[node]) / luminance_scale
+            blocks[row, cell, OCCUPANCY] = filled_share(nodes.boxes, boxed) if boxed >= 0 else np.float32(1)
+            blocks[row, cell, LUMINANCE] = np.float32(luminance[node]) / luminance_scale
             for axis in range(3):
-                blocks[row, cell, 2 + axis] = np.float32(normal[node, axis]) / normal_scale
+                blocks[row, cell, NORMAL + axis] = np.float32(normal[node, axis]) / normal_scale

@@ -14,8 +14,9 @@ import numpy as np
 
 from ..cells.scales import LUMINANCE_SCALE
 from ..directional.node_kernels import row_of, side_root
+from ..directional.node_light import NodeLight
 from ..network.kinds import CORNERS
-from ..octree.octree import Octree
+from ..octree.octree import Nodes, Octree
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from .brick import RANKS, covering_node
@@ -37,7 +38,9 @@ def corner_cells(octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def _write_all(first, last, nodes, light, level, corners, result):
+def _write_all(
+    first: int, last: int, nodes: Nodes, light: NodeLight, level: int, corners: np.ndarray, result: np.ndarray
+) -> None:
     for corner in range(first, last):
         here = corners[corner]
         x, y, z = 2 * np.int64(here[0]), 2 * np.int64(here[1]), 2 * np.int64(here[2])

@@ -19,7 +19,7 @@ import numpy as np
 from ..cells.leaf_boxes import filled_share
 from ..cells.scales import LUMINANCE_SCALE, NORMAL_SCALE
 from ..network.devices import CPU, enough_memory, found_device
-from ..network.encoders import CHANNELS, LUMINANCE, Encoder, octant_matrices
+from ..network.encoders import CHANNELS, LUMINANCE, NORMAL, OCCUPANCY, Encoder, octant_matrices
 from ..network.kinds import CODE_SIZE, CORNERS
 from ..network.weights import Weights
 from ..octree.octree import Nodes, Octree
@@ -93,7 +93,10 @@ def encode_corners(octree: Octree, level: int, corners: np.ndarray, layers: Pack
 
 
 @kernel
-def _encode_chunks(first, last, cells, levels, corners, layers, codes):
+def _encode_chunks(
+    first: int, last: int, cells: _Cells, levels: tuple[int, int], corners: np.ndarray, layers: PackedLayers,
+    codes: np.ndarray,
+) -> None:  # fmt: skip
     """Encode chunks of corners. levels: of the corners; look-ahead."""
     size, width = layers.octants.shape[2], layers.bias.shape[1]
     most = _CHUNK * max(CORNERS * size, width)
@@ -157,11 +160,11 @@ def _list_block(cells, nodes, with_luminance, lists, place):
             continue
         boxed = node >= tree.first_boxed
         share = filled_share(tree.boxes, node - tree.first_boxed) if boxed else np.float32(1)
-        place = _append(lists, place, column, share)
+        place = _append(lists, place, column + OCCUPANCY, share)
         if with_luminance:
             place = _append(lists, place, column + LUMINANCE, np.float32(luminance[node]) / luminance_scale)
         for axis in range(3):
-            place = _append(lists, place, column + 2 + axis, np.float32(normal[node, axis]) / normal_scale)
+            place = _append(lists, place, column + NORMAL + axis, np.float32(normal[node, axis]) / normal_scale)
     return place
 
 

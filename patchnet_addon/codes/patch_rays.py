@@ -17,7 +17,8 @@ import numpy as np
 from ..cells.leaf_boxes import STEPS, box_side
 from ..cells.scales import LUMINANCE_SCALE
 from ..directional.node_kernels import luminance_along
-from ..octree.octree import Octree
+from ..directional.node_light import NodeLight
+from ..octree.octree import Nodes, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
 from ..runtime.kernels import array_device, device, kernel
 from ..runtime.progress import Progress, Steps
@@ -232,7 +233,10 @@ def render_patch(nodes, light, brick, ray, lookahead, viewport):
 
 
 @kernel
-def _render(first, last, nodes, light, rays, lookahead, coverage_out, luminance_out):
+def _render(
+    first: int, last: int, nodes: Nodes, light: NodeLight, rays: PatchRays, lookahead: int, coverage: np.ndarray,
+    luminance: np.ndarray,
+) -> None:  # fmt: skip
     for group in range(first, last):
         brick = empty_brick(lookahead)
         viewport = empty_viewport()
@@ -240,8 +244,7 @@ def _render(first, last, nodes, light, rays, lookahead, coverage_out, luminance_
         for at in range(rays.group_start[group], rays.group_start[group + 1]):
             ray = PatchRay(rays.entry_voxel[at], rays.direction[at], rays.up[at], rays.ratio[at])
             sigma, mean = render_patch(nodes, light, brick, ray, lookahead, viewport)
-            coverage_out[at] = sigma
-            luminance_out[at] = mean / LUMINANCE_SCALE
+            coverage[at], luminance[at] = sigma, mean / LUMINANCE_SCALE
 
 
 def exact_prediction(octree: Octree, hits: Hits, lookahead: int = DEFAULT_LOOKAHEAD) -> Steps[Prediction]:

@@ -177,12 +177,14 @@ def predict(coded: CodedOctree, hits: Hits) -> Prediction:
 
 
 @kernel
-def _predict(first, last, rays, corner_codes, nearby, layers, results):
+def _predict(
+    first: int, last: int, rays: PixelRays, corner_codes: CornerCodes, nearby: NearbyCells | None,
+    layers: DecoderLayers, results: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> None:  # fmt: skip
     """Write coverage and luminance of the pixels with look-ahead in runs of TILE pixels, and the mask of these pixels.
 
-    They are gathered, and decoded when a tile is full. rays: `PixelRays`. corner_codes: `CornerCodes`. nearby:
-    `NearbyCells` of a luminance mixture, None for the paper's network; each case is compiled. results: coverage,
-    luminance, and the mask of look-ahead.
+    They are gathered, and decoded when a tile is full. nearby: None for the paper's network; each case is compiled.
+    results: coverage, luminance, and the mask of look-ahead.
     """
     coverage, luminance, look_ahead = results
     tile = empty_tile()

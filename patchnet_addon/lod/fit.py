@@ -27,7 +27,7 @@ from ..runtime.kernels import kernel
 from ..runtime.progress import Progress, Steps, labelled
 from ..surface.mesh import MeshSource, ShadingFn
 from ..tracing.camera import Camera, camera_in_unit_cube
-from .stops import FINE_OFFSETS, bands_of, ray_stops
+from .stops import FINE_OFFSETS, RayStops, bands_of, ray_stops
 
 BLOCK_LEVEL = 8  # also the level of invisible leaves
 LAYOUT_BYTES = 16 * 8**BLOCK_LEVEL  # data of each block, and further data of fitting
@@ -81,7 +81,7 @@ def lookahead_share(nodes: Nodes, grid: Grid, camera: Camera, *, lookahead: int 
 
 
 @kernel
-def _request(stops, margin, block_level, needed):
+def _request(stops: RayStops, margin: int, block_level: int, needed: np.ndarray) -> None:
     """Raise `needed` in all blocks that a cell meets, or one of those `margin` cells around it."""
     blocks = np.int64(1) << block_level
     low = np.empty(3, np.int64)
@@ -107,7 +107,7 @@ def _request(stops, margin, block_level, needed):
 
 
 @kernel
-def _count(stops, block_level, pixels):
+def _count(stops: RayStops, block_level: int, pixels: np.ndarray) -> None:
     """Add one to the block of each cell; a cell larger than a block counts in its first one."""
     for ray in range(len(stops.wanted)):
         if stops.wanted[ray] == 0:
@@ -299,7 +299,7 @@ def _parts_of(leaves: list[LeafSums], _block_level: int) -> list[LeafSums]:
 
 
 @kernel
-def _add_expected(keys, level, shift, levels, expected):
+def _add_expected(keys: np.ndarray, level: int, shift: np.uint64, levels: np.ndarray, expected: np.ndarray) -> None:
     """Add to `expected` (blocks,) the number of leaves that each leaf of `level` becomes at its block's level."""
     for key in keys:
         block = key >> shift

@@ -78,14 +78,18 @@ def ray_stops(
 
 
 @kernel
-def _trace_bands(first, last, nodes, camera, bands, offset, levels_down, stops):
+def _trace_bands(
+    first: int, last: int, nodes: Nodes, camera: CameraUnit, bands: tuple[int, int], offset: tuple[float, float],
+    levels_down: tuple[int, int], stops: RayStops,
+) -> None:  # fmt: skip
     """Trace rows of tiles. bands: the first one's number, and the distance of the next.
 
     offset: from the pixels' centres, in pixels. levels_down: of the rays' footprint, and of the look-ahead.
     """
     scratch = make_tile(), make_levels()
+    start, step = bands
     for band in range(first, last):
-        first_row = TILE * (bands[0] + bands[1] * band)
+        first_row = TILE * (start + step * band)
         _trace_band(nodes, camera, first_row, offset, levels_down, scratch, stops, TILE * band * camera.width_px)
 
 

@@ -17,8 +17,7 @@ import numpy as np
 
 from .kinds import CODE_SIZE
 
-CHANNELS = 5  # of a cell: occupancy, luminance, three of the normal
-LUMINANCE = 1  # its index
+OCCUPANCY, LUMINANCE, NORMAL, CHANNELS = 0, 1, 2, 5  # channels of a cell, three of the normal; their number
 MLP_WIDTH_STEP = 64  # kernels compute whole vectors of a layer's values
 _HIDDEN = 3  # layers of as many values
 

@@ -151,7 +151,9 @@ def _extents(corners):
 
 
 @kernel
-def _expect(corners_voxel, depth, levels, shift, most, expected):
+def _expect(
+    corners_voxel: np.ndarray, depth: int, levels: np.ndarray, shift: np.uint64, most: int, expected: np.ndarray
+) -> None:
     """Add the expected fragments of each triangle to those of its blocks, by points spread over it.
 
     corners_voxel: in cells of level `depth`; a block's leaves may be on a coarser level. most: points along an edge,

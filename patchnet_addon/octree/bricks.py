@@ -29,7 +29,7 @@ def _slot(table, key):
 
 
 @kernel
-def _insert_all(table, brick_key, bricks):
+def _insert_all(table: np.ndarray, brick_key: np.ndarray, bricks: int) -> None:
     for brick in range(bricks):
         slot = _slot(table, brick_key[brick])
         while table[slot] >= 0:

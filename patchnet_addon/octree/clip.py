@@ -256,7 +256,10 @@ def _clip_triangle(rows, wanted, sink, count):
 
 
 @kernel
-def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, near, block):
+def clip_triangles(
+    corners_voxel: np.ndarray, areas_world: np.ndarray, first: int, last: int, slabs: tuple[int, int], resolution: int,
+    near: tuple[np.ndarray, np.uint64], block: tuple[np.ndarray, np.uint64],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """Fragments of triangles first..last-1 in the slabs slabs[0]..slabs[1]-1 of cells along x.
 
     corners_voxel: (T, 3, 3) float64, cells as unit. areas_world: (T,) float64, the triangles' areas.

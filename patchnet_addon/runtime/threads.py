@@ -13,7 +13,9 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
-from typing import Any
+from typing import Concatenate, ParamSpec
+
+Arguments = ParamSpec("Arguments")
 
 _PARTS = 8  # per thread: threads then end at nearly the same time
 _limit: int | None = None
@@ -41,7 +43,12 @@ def limit_threads(count: int | None) -> Iterator[None]:
         _limit = before
 
 
-def run_parts(kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
+def run_parts(
+    kernel: Callable[Concatenate[int, int, Arguments], None],
+    count: int,
+    *arguments: Arguments.args,
+    **named: Arguments.kwargs,
+) -> None:
     """Call kernel(first, last, *arguments) for parts that make up range(count), on all cores.
 
     Parts are disjoint, of any order and size: their results must not depend on each other. Returns, or raises a part's
@@ -50,14 +57,14 @@ def run_parts(kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
     threads = min(thread_count(), count)
     if threads <= 1:
         if count:
-            kernel(0, count, *arguments)
+            kernel(0, count, *arguments, **named)
         return
     size = -(-count // (_PARTS * threads))
     left = iter(range(0, count, size))  # shared by threads: `next` is atomic under the interpreter's lock
 
     def work() -> None:
         for first in left:
-            kernel(first, min(first + size, count), *arguments)
+            kernel(first, min(first + size, count), *arguments, **named)
 
     helpers = [_pool.submit(work) for _ in range(threads - 1)]
     try:

@@ -9,6 +9,7 @@ what is inside.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,14 @@ _SHARES_AT_ONCE = 1 << 20  # a wide filter has hundreds of pixels around each
 _ROWS_PER_STEP = 8
 
 
+class _Frame(NamedTuple):
+    """Factors on columns (W,) and rows (H,) of a picture, since nothing is beyond, and the filter's radius."""
+
+    scale_x: np.ndarray
+    scale_y: np.ndarray
+    radius: int
+
+
 class Film:
     """Picture of P = height x width pixels, row 0 at the bottom.
 
@@ -41,11 +50,11 @@ class Film:
         radius, shares = pixel_filter.radius, pixel_filter.shares()
         self._shares = np.outer(shares, shares).ravel().astype(np.float32)
         x, y = (1.0 / np.convolve(np.ones(side), shares)[radius : radius + side] for side in size_px)
-        self._frame = x, y, radius
+        self._frame = _Frame(x, y, radius)
 
     def show(self, first: int, single: np.ndarray) -> None:
         """Show pixels from index `first` on with one ray (n, 4) each."""
-        shown, rows = self._single[first : first + len(single)], len(self._frame[1])
+        shown, rows = self._single[first : first + len(single)], len(self._frame.scale_y)
         run_parts(_show, rows, first, shown, single, self._shares, self._frame, self._sums, self.values)
         shown[:] = single
 
@@ -80,7 +89,7 @@ class Film:
 
     def replace(self, pixels: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
         """Replace what pixels (n,) have given to those around them (n, K, 4)."""
-        rows = len(self._frame[1])
+        rows = len(self._frame.scale_y)
         run_parts(_replace, rows, pixels, before, after, self._frame, self._sums, self.values)
 
 
@@ -97,7 +106,10 @@ def filtered(octree: Octree, camera: Camera, pixel_filter: PixelFilter) -> Steps
 
 
 @kernel
-def _show(first, last, start, before, after, shares, frame, sums, values):
+def _show(
+    first: int, last: int, start: int, before: np.ndarray, after: np.ndarray, shares: np.ndarray, frame: _Frame,
+    sums: np.ndarray, values: np.ndarray,
+) -> None:  # fmt: skip
     """Replace what single rays of pixels from `start` on give to some rows of the picture."""
     scale_x, scale_y, radius = frame
     width = len(scale_x)
@@ -121,7 +133,10 @@ def _show(first, last, start, before, after, shares, frame, sums, values):
 
 
 @kernel
-def _replace(first, last, pixels, before, after, frame, sums, values):
+def _replace(
+    first: int, last: int, pixels: np.ndarray, before: np.ndarray, after: np.ndarray, frame: _Frame, sums: np.ndarray,
+    values: np.ndarray,
+) -> None:  # fmt: skip
     """Replace what pixels give to some rows of the picture."""
     scale_x, scale_y, radius = frame
     width = len(scale_x)

@@ -16,7 +16,7 @@ def window_variance(picture: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def _write_variances(first, last, values, variances):
+def _write_variances(first: int, last: int, values: np.ndarray, variances: np.ndarray) -> None:
     height, width = values.shape
     for row in range(first, last):
         low, high = max(row - 1, 0), min(row + 2, height)

@@ -16,10 +16,10 @@ from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from .chroma import BLUE, GREEN, RED
 from .footprint import ROWS, footprint_means, piece_on_texture
-from .mesh import Fragments, TriangleBatch
+from .mesh import FragmentArrays, Fragments, TriangleArrays, TriangleBatch
 from .polygon import COLUMNS
 from .texels import MipChain, bilinear, cut, mip_level, on_texture, wrapped
-from .textures import LEAST_BASE, LEVEL_BIAS, TextureTable
+from .textures import LEAST_BASE, LEVEL_BIAS, MaterialTable, MipChains, TextureTable
 
 
 def surface_of_fragments(
@@ -102,7 +102,10 @@ def uv_at(uvs, barycentric):
 
 
 @kernel
-def _surface(begin, end, triangles, fragments, chains, materials, luminance_out, opacity_out):
+def _surface(
+    begin: int, end: int, triangles: TriangleArrays, fragments: FragmentArrays, chains: MipChains,
+    materials: MaterialTable, luminance_out: np.ndarray, opacity_out: np.ndarray,
+) -> None:  # fmt: skip
     corners, uvs, material_of = triangles.corners_world, triangles.uvs, triangles.materials
     triangle, barycentric, area = fragments.triangle, fragments.barycentric, fragments.area_world
     cut_keys, corners_voxel = fragments.cut_keys, fragments.corners_voxel
@@ -225,7 +228,10 @@ def trilinear_color(colors, levels, chain, level, u, v):
 
 
 @kernel
-def _colors(begin, end, triangles, fragments, chains, materials, luminance, out):
+def _colors(
+    begin: int, end: int, triangles: TriangleArrays, fragments: FragmentArrays, chains: MipChains,
+    materials: MaterialTable, luminance: np.ndarray, out: np.ndarray,
+) -> None:  # fmt: skip
     corners, uvs, material_of = triangles.corners_world, triangles.uvs, triangles.materials
     triangle, barycentric, area = fragments.triangle, fragments.barycentric, fragments.area_world
     colors, levels, transform = chains.colors, chains.levels, chains.transform

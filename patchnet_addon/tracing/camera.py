@@ -14,6 +14,7 @@ from ..runtime.errors import SettingError
 
 PERSPECTIVE = "PERSP"
 ORTHOGRAPHIC = "ORTHO"
+POSITION, RIGHT, UP, FORWARD = range(4)  # rows of a pose
 FRAMING_DIRECTION = np.array([0.62, -1.0, 0.48])  # from a scene to a camera: in front, to the right, above
 
 

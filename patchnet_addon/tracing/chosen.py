@@ -7,14 +7,17 @@ same voxels as those of whole pictures (`render.py`), bit for bit.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ..octree.octree import Octree
+from ..directional.node_light import NodeLight
+from ..octree.octree import Nodes, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from ..runtime.vectors import LANES
-from .camera import Camera, camera_in_unit_cube
+from .camera import Camera, CameraUnit, camera_in_unit_cube
 from .pixel_filter import grid_places
 from .render import finer_than_pixel
 from .tile import (
@@ -35,6 +38,25 @@ from .tile import (
 from .tile_walk import trace_tile
 
 
+class Chosen(NamedTuple):
+    """Pixels (N,) by blocks, their places (N,) in results, and the bounds (B + 1,) of the blocks; side: of their rays.
+
+    rays: (side^2, 2) places of rays in a pixel, the lowest row first.
+    """
+
+    pixels: np.ndarray
+    places: np.ndarray
+    starts: np.ndarray
+    side: int
+    rays: np.ndarray
+
+    @classmethod
+    def by_blocks(cls, pixels: np.ndarray, width_px: int, side: int, rays: np.ndarray) -> Chosen:
+        """Pixels (N,) of a picture."""
+        order, starts = blocks(pixels, width_px, side)
+        return cls(pixels[order], order, starts, side, rays)
+
+
 def fine_rays(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
     """Luminances (P, 4) float32 of 2x2 rays in each pixel with a finer footprint (`finer_than_pixel`).
 
@@ -45,10 +67,9 @@ def fine_rays(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKAH
     footprint = finer_than_pixel(lookahead)
     finer = unit.finer(footprint)
     search = Search(finer.side_at_0, finer.side_per_z, 1.0, COARSE, octree.depth, footprint / 2.0)
-    order, starts = blocks(pixels, unit.width_px, 2)
-    chosen = pixels[order], order, starts, 2, grid_places(2)
+    chosen = Chosen.by_blocks(pixels, unit.width_px, 2, grid_places(2))
     seen = np.empty((len(pixels), 4), np.float32)
-    run_parts(_trace_blocks, len(starts) - 1, (octree.nodes, octree.light), unit, search, chosen, seen)
+    run_parts(_trace_blocks, len(chosen.starts) - 1, (octree.nodes, octree.light), unit, search, chosen, seen)
     return seen
 
 
@@ -68,8 +89,11 @@ def blocks(pixels: np.ndarray, width_px: int, side: int) -> tuple[np.ndarray, np
 
 
 @kernel
-def _trace_blocks(first, last, scene, camera, search, chosen, seen):
-    """Write the luminances that rays of pixels see, one block per tile. chosen: of `fine_rays`."""
+def _trace_blocks(
+    first: int, last: int, scene: tuple[Nodes, NodeLight], camera: CameraUnit, search: Search, chosen: Chosen,
+    seen: np.ndarray,
+) -> None:  # fmt: skip
+    """Write the luminances that rays of pixels see, one block per tile. chosen: `Chosen`."""
     nodes, light = scene
     pixels, places, starts, side, rays = chosen
     tile, levels = make_tile(), make_levels()

@@ -10,6 +10,8 @@ phase COARSE alone.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..cells.leaf_boxes import STEPS, mirrored_span
@@ -17,6 +19,7 @@ from ..octree.pieces import NO_PIECES
 from ..runtime.kernels import device
 from ..runtime.vectors import (
     LANES,
+    VectorType,
     count_ones,
     larger,
     largest,
@@ -52,6 +55,14 @@ from .tile import (
 
 _FAR = 1e300
 _SAFE = 1e-12  # relative
+
+
+class _Planes(NamedTuple):
+    """Lengths of a packet's rays to the lower, middle and upper plane of a node across an axis."""
+
+    low: VectorType
+    middle: VectorType
+    high: VectorType
 
 
 @device
@@ -264,51 +275,49 @@ def _open(nodes, tile, first, mirror, levels, level, lanes):
     found = levels.state[level]
     pending = np.int64(0)
     if existing & 0x03:
-        pending |= _open_pair(found, existing, 0, lanes, x, larger(y[0], z[0]), smaller(y[1], z[1]))
+        pending |= _open_pair(found, existing, 0, lanes, x, larger(y.low, z.low), smaller(y.middle, z.middle))
     if existing & 0x0C:
-        pending |= _open_pair(found, existing, 2, lanes, x, larger(y[1], z[0]), smaller(y[2], z[1]))
+        pending |= _open_pair(found, existing, 2, lanes, x, larger(y.middle, z.low), smaller(y.high, z.middle))
     if existing & 0x30:
-        pending |= _open_pair(found, existing, 4, lanes, x, larger(y[0], z[1]), smaller(y[1], z[2]))
+        pending |= _open_pair(found, existing, 4, lanes, x, larger(y.low, z.middle), smaller(y.middle, z.high))
     if existing & 0xC0:
-        pending |= _open_pair(found, existing, 6, lanes, x, larger(y[1], z[1]), smaller(y[2], z[2]))
+        pending |= _open_pair(found, existing, 6, lanes, x, larger(y.middle, z.middle), smaller(y.high, z.high))
     levels.state[level, PENDING] = pending
 
 
 @device
 def _child_planes(tile, first, levels, level):
-    """Lengths to the planes of a level's children: those along x also as entries, after the ray's start."""
+    """Planes of a level's children: along x lengths at which rays enter the lower and upper one, and leave them."""
     child = 0.5 / (np.int64(1) << level)
     start = load(tile.numbers, START * RAYS + first)
-    low, middle, high = _three_planes(tile, 0, first, 2 * levels.state[level, AT], child)
+    x = _three_planes(tile, 0, first, 2 * levels.state[level, AT], child)
     y = _three_planes(tile, 1, first, 2 * levels.state[level, AT + 1], child)
     z = _three_planes(tile, 2, first, 2 * levels.state[level, AT + 2], child)
-    return (larger(low, start), larger(middle, start), middle, high), y, z
+    return ((larger(x.low, start), larger(x.middle, start)), (x.middle, x.high)), y, z
 
 
 @device
 def _three_planes(tile, axis, first, cell, child):
     """Lengths to the lower, middle and upper plane of a node whose first child has this cell."""
-    return (
-        _to_plane(tile, axis, first, cell * child),
-        _to_plane(tile, axis, first, (cell + 1) * child),
-        _to_plane(tile, axis, first, (cell + 2) * child),
-    )
+    low, middle = _to_plane(tile, axis, first, cell * child), _to_plane(tile, axis, first, (cell + 1) * child)
+    return _Planes(low, middle, _to_plane(tile, axis, first, (cell + 2) * child))
 
 
 @device
 def _open_pair(found, existing, octant, lanes, along, enter, leave):
     """Write the lanes that hit an octant and its neighbour along x; returns the bits of the octants hit by any lane.
 
-    along: lengths at which rays enter the lower and the upper one, and at which they leave them.
+    along: of `_child_planes`.
     """
+    enter_along, leave_along = along
     pending = np.int64(0)
     if (existing >> octant) & 1:
-        met = lanes & less(larger(along[0], enter), smaller(along[2], leave))
+        met = lanes & less(larger(enter_along[0], enter), smaller(leave_along[0], leave))
         found[MET + octant] = met
         if met != 0:
             pending |= np.int64(1) << octant
     if (existing >> (octant + 1)) & 1:
-        met = lanes & less(larger(along[1], enter), smaller(along[3], leave))
+        met = lanes & less(larger(enter_along[1], enter), smaller(leave_along[1], leave))
         found[MET + octant + 1] = met
         if met != 0:
             pending |= np.int64(1) << (octant + 1)
@@ -321,25 +330,25 @@ def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):
 
     For children that stop every ray: only their boxes are read.
     """
-    x, y, z = _child_planes(tile, packet * LANES, levels, level)
+    (enter_x, leave_x), y, z = _child_planes(tile, packet * LANES, levels, level)
     existing = mirrored_children(nodes.child_mask[levels.state[level, HERE]], mirror)
     levels.state[level, PENDING] = 0
     left, visits = lanes, 0
     for pair in range(4):
         if (existing >> (2 * pair)) & 3 == 0:
             continue
-        low, high = (y[1], y[2]) if pair & 1 else (y[0], y[1])
-        near, far = (z[1], z[2]) if pair & 2 else (z[0], z[1])
+        low, high = (y.middle, y.high) if pair & 1 else (y.low, y.middle)
+        near, far = (z.middle, z.high) if pair & 2 else (z.low, z.middle)
         enter, leave = larger(low, near), smaller(high, far)
         for side in range(2):
             octant = 2 * pair + side
             if (existing >> octant) & 1:
-                entry = larger(x[side], enter)
-                met = left & less(entry, smaller(x[2 + side], leave))
+                entry = larger(enter_x[side], enter)
+                met = left & less(entry, smaller(leave_x[side], leave))
                 if met != 0:
                     visits += 1
                     step_down(nodes, mirror, levels, level, octant)
-                    here, exit_ = levels.state[level + 1, HERE], smaller(x[2 + side], leave)
+                    here, exit_ = levels.state[level + 1, HERE], smaller(leave_x[side], leave)
                     if here >= nodes.first_boxed:
                         entry, exit_ = _box_span(nodes, tile, packet * LANES, mirror, levels, level + 1)
                         met &= less(entry, exit_)

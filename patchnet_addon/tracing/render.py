@@ -20,7 +20,7 @@ from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from ..runtime.vectors import lowest_one
-from .camera import Camera, camera_in_unit_cube
+from .camera import Camera, CameraUnit, camera_in_unit_cube
 from .tile import (
     CELL,
     CELLS,
@@ -210,7 +210,7 @@ def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def _write_up(first, last, direction, up, result):
+def _write_up(first: int, last: int, direction: np.ndarray, up: tuple[float, float, float], result: np.ndarray) -> None:
     for ray in range(first, last):
         x, y, z = float(direction[ray, 0]), float(direction[ray, 1]), float(direction[ray, 2])
         along = x * up[0] + y * up[1] + z * up[2]
@@ -220,7 +220,9 @@ def _write_up(first, last, direction, up, result):
 
 
 @kernel
-def _trace_rows(first, last, nodes, camera, search, traced, visits):
+def _trace_rows(
+    first: int, last: int, nodes: Nodes, camera: CameraUnit, search: Search, traced: TracedPixels, visits: np.ndarray
+) -> None:
     """Trace rows of tiles; writes the number of visits of each."""
     scratch = make_tile(), make_levels()
     for row in range(first, last):

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
-from .camera import PERSPECTIVE, Camera
+from .camera import FORWARD, PERSPECTIVE, POSITION, RIGHT, UP, Camera
 
 WIDTH_PX, HEIGHT_PX = 96, 72  # of pictures that only have to tell what is in view
 
@@ -38,6 +38,24 @@ class _Lenses(NamedTuple):
     shift: np.ndarray
     clip: np.ndarray
     perspective: np.ndarray
+
+
+class _Corners(NamedTuple):
+    """Corners of a triangle in a camera's frame, (3,) each: across and up in half extents, times w; w; axial depth."""
+
+    across: np.ndarray
+    up: np.ndarray
+    w: np.ndarray
+    depth: np.ndarray
+
+
+class _Box(NamedTuple):
+    """First and last column and row."""
+
+    left: int
+    right: int
+    low: int
+    high: int
 
 
 class Sight:
@@ -74,99 +92,102 @@ class Sight:
         x = (2.0 * column + 1.0) / width - 1.0 + shift[0]
         y = (2.0 * row + 1.0) / height - 1.0 + shift[1]
         depth = self.seen.depth[camera].ravel()[pixels]
-        right, up = pose[1] / (pose[1] @ pose[1]), pose[2] / (pose[2] @ pose[2])  # times half the extents
+        right, up = (pose[axis] / (pose[axis] @ pose[axis]) for axis in (RIGHT, UP))  # times half the extents
         spread = depth if self._lenses.perspective[camera] else np.ones_like(depth)
-        places: np.ndarray = pose[0] + depth[:, None] * pose[3] + (x * spread)[:, None] * right
+        places: np.ndarray = pose[POSITION] + depth[:, None] * pose[FORWARD] + (x * spread)[:, None] * right
         return places + (y * spread)[:, None] * up
 
 
 @kernel
-def _draw(first, last, lenses, corners_world, shown, first_triangle, seen):
-    corner = np.empty((3, 4))  # across and up in half extents, times w; w; axial distance
-    box = np.empty(4, np.int64)
+def _draw(
+    first: int, last: int, lenses: _Lenses, corners_world: np.ndarray, shown: np.ndarray, first_triangle: int,
+    seen: SeenTriangles,
+) -> None:  # fmt: skip
+    corners = _Corners(np.empty(3), np.empty(3), np.empty(3), np.empty(3))
     _, height, width = seen.depth.shape
     for c in range(first, last):
         for t in range(len(corners_world)):
             if shown[t]:
-                _place(lenses, c, corners_world, t, corner)
-                if _bounds(corner, lenses.clip[c], width, height, box):
-                    _draw_one(c, first_triangle + t, corner, box, lenses.clip[c], seen)
+                _place(lenses, c, corners_world, t, corners)
+                box = _bounds(corners, lenses.clip[c], width, height)
+                _draw_one(c, first_triangle + t, corners, box, lenses.clip[c], seen)
 
 
 @device
-def _place(lenses, c, corners_world, t, corner):
-    """Corners of a triangle in the camera's frame: a picture point is (corner 0, corner 1) / corner 2."""
+def _place(lenses, c, corners_world, t, corners):
+    """Write the corners of a triangle in the camera's frame: a picture point is (across, up) / w."""
     pose = lenses.pose[c]
     for i in range(3):
         across = 0.0
         up = 0.0
         depth = 0.0
         for axis in range(3):
-            offset = corners_world[t, i, axis] - pose[0, axis]
-            across += offset * pose[1, axis]
-            up += offset * pose[2, axis]
-            depth += offset * pose[3, axis]
+            offset = corners_world[t, i, axis] - pose[POSITION, axis]
+            across += offset * pose[RIGHT, axis]
+            up += offset * pose[UP, axis]
+            depth += offset * pose[FORWARD, axis]
         w = depth if lenses.perspective[c] else 1.0
-        corner[i, 0] = across - lenses.shift[c, 0] * w
-        corner[i, 1] = up - lenses.shift[c, 1] * w
-        corner[i, 2] = w
-        corner[i, 3] = depth
+        corners.across[i] = across - lenses.shift[c, 0] * w
+        corners.up[i] = up - lenses.shift[c, 1] * w
+        corners.w[i], corners.depth[i] = w, depth
 
 
 @device
-def _bounds(corner, clip, width, height, box):
-    """Fill in first and last column and row whose centres may be in a triangle; return whether there are any."""
-    nearest = min(corner[0, 3], corner[1, 3], corner[2, 3])
-    farthest = max(corner[0, 3], corner[1, 3], corner[2, 3])
-    if farthest < clip[0] or nearest > clip[1]:
-        return False
-    box[0], box[1], box[2], box[3] = 0, width - 1, 0, height - 1
-    if min(corner[0, 2], corner[1, 2], corner[2, 2]) <= 0.0:  # reaches behind the camera: anywhere
-        return True
-    for axis in range(2):
-        size = width if axis == 0 else height
-        low = np.inf
-        high = -np.inf
-        for i in range(3):
-            place = ((corner[i, axis] / corner[i, 2] + 1.0) * size - 1.0) / 2.0
-            low = min(low, place)
-            high = max(high, place)
-        if not (low <= size - 1 and high >= 0.0):
-            return False
-        box[2 * axis] = np.int64(np.ceil(max(low - 1e-9, 0.0)))
-        box[2 * axis + 1] = np.int64(np.floor(min(high + 1e-9, size - 1.0)))
-    return box[0] <= box[1] and box[2] <= box[3]
+def _bounds(corners, clip, width, height):
+    """Box of the columns and rows whose centres may be in a triangle."""
+    depth, w = corners.depth, corners.w
+    if max(depth[0], depth[1], depth[2]) < clip[0] or min(depth[0], depth[1], depth[2]) > clip[1]:
+        return _Box(0, -1, 0, -1)
+    if min(w[0], w[1], w[2]) <= 0.0:  # reaches behind the camera: anywhere
+        return _Box(0, width - 1, 0, height - 1)
+    left, right = _span(corners.across, w, width)
+    low, high = _span(corners.up, w, height)
+    return _Box(left, right, low, high)
 
 
 @device
-def _draw_one(c, number, corner, box, clip, seen):
+def _span(along, w, size):
+    """First and last of `size` columns, or rows, whose centres may be in a triangle."""
+    low, high = np.inf, -np.inf
+    for i in range(3):
+        place = ((along[i] / w[i] + 1.0) * size - 1.0) / 2.0
+        low, high = min(low, place), max(high, place)
+    if not (low <= size - 1 and high >= 0.0):
+        return 0, -1
+    return int(np.ceil(max(low - 1e-9, 0.0))), int(np.floor(min(high + 1e-9, size - 1.0)))
+
+
+@device
+def _draw_one(c, number, corners, box, clip, seen):
     """Draw a triangle where its depth is the least so far.
 
     Edge functions are linear in the picture: each is that of the edge opposite to a corner, as a plane through the eye.
     """
     _, height, width = seen.depth.shape
-    for row in range(box[2], box[3] + 1):
+    depths = corners.depth
+    for row in range(box.low, box.high + 1):
         y = (2.0 * row + 1.0) / height - 1.0
-        for column in range(box[0], box[1] + 1):
+        for column in range(box.left, box.right + 1):
             x = (2.0 * column + 1.0) / width - 1.0
-            a = _edge(corner, 1, 2, x, y)
-            b = _edge(corner, 2, 0, x, y)
-            d = _edge(corner, 0, 1, x, y)
+            a = _edge(corners, 1, 2, x, y)
+            b = _edge(corners, 2, 0, x, y)
+            d = _edge(corners, 0, 1, x, y)
             total = a + b + d
             if total == 0.0 or a / total < 0.0 or b / total < 0.0 or d / total < 0.0:
                 continue
-            depth = (a * corner[0, 3] + b * corner[1, 3] + d * corner[2, 3]) / total
+            depth = (a * depths[0] + b * depths[1] + d * depths[2]) / total
             if clip[0] <= depth <= clip[1] and depth < seen.depth[c, row, column]:
                 seen.depth[c, row, column] = depth
                 seen.triangle[c, row, column] = number
 
 
 @device
-def _edge(corner, i, j, x, y):
+def _edge(corners, i, j, x, y):
     """Edge function of the corners i and j at a picture point."""
+    across, up, w, _ = corners
     return (
-        (corner[i, 1] * corner[j, 2] - corner[i, 2] * corner[j, 1]) * x
-        + (corner[i, 2] * corner[j, 0] - corner[i, 0] * corner[j, 2]) * y
-        + corner[i, 0] * corner[j, 1]
-        - corner[i, 1] * corner[j, 0]
+        (up[i] * w[j] - w[i] * up[j]) * x
+        + (w[i] * across[j] - across[i] * w[j]) * y
+        + across[i] * up[j]
+        - up[i] * across[j]
     )

@@ -11,7 +11,7 @@ import numpy as np
 from ..cells.scales import LUMINANCE_SCALE
 from ..directional.node_kernels import color_along, luminance_of_sides, row_of
 from ..directional.node_light import NO_HIGHLIGHTS, HdrHighlights, NodeLight
-from ..octree.octree import Octree
+from ..octree.octree import Nodes, Octree
 from ..octree.pieces import NONE, Pieces
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, RAYS
 from ..runtime.kernels import device, kernel
@@ -19,8 +19,8 @@ from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
 from ..runtime.vectors import LANES, lowest_one
 from ..surface.chroma_kernels import decode_color
-from .camera import Camera, camera_in_unit_cube
-from .chosen import aim_pixels, blocks, corner_of
+from .camera import Camera, CameraUnit, camera_in_unit_cube
+from .chosen import Chosen, aim_pixels, corner_of
 from .piece_light import see_piece
 from .pixel_filter import PixelFilter, Splat, box_splat, grid_places, splat_of
 from .render import Hits, finer_than_pixel
@@ -47,7 +47,7 @@ from .tile_walk import trace_tile
 MAX_SIDE = int(RAYS.high)  # per pixel side
 _NO_STARTS = np.empty(0)
 _NO_CHROMA = np.empty((0, 2), np.uint8)
-MEANS = 5  # luminance, red, green, blue, coverage
+LUMINANCE, COLOR, COVERAGE, MEANS = 0, 1, 4, 5  # columns of means: red, green and blue from COLOR on; their number
 _ROWS_PER_STEP = 8
 _BEYOND = 1e-9  # a hole, in the octree's cube
 
@@ -61,6 +61,15 @@ class PixelMeans(NamedTuple):
     luminance: np.ndarray
     colors: np.ndarray
     coverage: np.ndarray
+
+
+class _Seen(NamedTuple):
+    """Light that a ray sees; luminance is negative in a hole of a piece, colours lack it where there is no chroma."""
+
+    luminance: np.float32
+    red: float
+    green: float
+    blue: float
 
 
 class _Light(NamedTuple):
@@ -145,7 +154,7 @@ def spread_pixels(
     """
     side, splat = math.isqrt(len(places)), splat_of(pixel_filter, places)
     means = _spread(octree, False, camera, np.asarray(pixels, np.int64), side, splat, finer)
-    return SpreadPixels(means[:, :-1, 1:], means[:, -1, 0].copy())
+    return SpreadPixels(means[:, :-1, COLOR:], means[:, -1, LUMINANCE].copy())
 
 
 def _mean_of_rays(
@@ -158,7 +167,7 @@ def _mean_of_rays(
     lengths: np.ndarray = _NO_STARTS,
 ) -> PixelMeans:
     means = _spread(octree, clamps, camera, pixels, side, box_splat(grid_places(side)), finer, lengths)[:, 0]
-    return PixelMeans(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())
+    return PixelMeans(*(means[:, part].copy() for part in (LUMINANCE, slice(COLOR, COVERAGE), COVERAGE)))
 
 
 def _spread(
@@ -183,18 +192,25 @@ def _spread(
     above_white = NO_HIGHLIGHTS if clamps else octree.hdr_highlights
     footprint = 1.0 if finer is None else finer / side
     light = _Light(octree.light, chroma, above_white, pieces, octree.exposure, clamps, footprint)
-    order, starts = blocks(pixels, unit.width_px, side)
+    chosen = Chosen.by_blocks(pixels, unit.width_px, side, splat.places)
     search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth, max(footprint, 1.0))
     means = np.empty((len(pixels), len(splat.total), MEANS), np.float32)
-    chosen = pixels[order], order, starts, side, lengths[order] if len(lengths) else lengths
-    run_parts(_means_of_blocks, len(starts) - 1, octree.exact_nodes, light, unit, search, (chosen, splat), means)
+    starts = lengths[chosen.places] if len(lengths) else lengths
+    given = chosen, splat, starts
+    run_parts(_means_of_blocks, len(chosen.starts) - 1, octree.exact_nodes, light, unit, search, given, means)
     return means
 
 
 @kernel
-def _means_of_blocks(first, last, nodes, light, camera, search, chosen, means):
-    """Write the means of pixels: a block in one tile, or a pixel in several tiles. chosen: of `_spread`."""
-    (pixels, places, starts, side, lengths), splat = chosen
+def _means_of_blocks(
+    first: int, last: int, nodes: Nodes, light: _Light, camera: CameraUnit, search: Search,
+    given: tuple[Chosen, Splat, np.ndarray], means: np.ndarray,
+) -> None:  # fmt: skip
+    """Write the means of pixels: a block in one tile, or a pixel in several tiles.
+
+    given: `Chosen`, `Splat`, and lengths where rays begin, or none.
+    """
+    (pixels, places, starts, side, _), splat, lengths = given
     scratch = make_tile(), make_levels(), np.empty((TILE * TILE, len(splat.total), MEANS))
     for block in range(first, last):
         begin = lengths[starts[block] : starts[block + 1]] if len(lengths) else lengths
@@ -208,9 +224,9 @@ def _means_of_blocks(first, last, nodes, light, camera, search, chosen, means):
 
 
 @device
-def _sum_rays(nodes, light, camera, search, chosen, scratch):
-    """Trace the rays of a block's pixels, and sum up their hits for the pixels around each. chosen: of the block."""
-    pixels, side, lengths, splat = chosen
+def _sum_rays(nodes, light, camera, search, given, scratch):
+    """Trace the rays of a block's pixels, and sum up their hits for the pixels around each. given: of the block."""
+    pixels, side, lengths, splat = given
     tile, levels, sums = scratch
     sums[:] = 0.0
     for first_j in range(0, side, TILE):
@@ -233,7 +249,7 @@ def _sum_rays(nodes, light, camera, search, chosen, scratch):
                         if node < 0:
                             continue
                         seen = _look(light, search, tile, ray, node)
-                        if seen[0] < 0.0:
+                        if seen.luminance < 0.0:
                             tile.numbers[START, ray] = tile.numbers[LENGTH, ray] + _BEYOND
                             passed |= np.int64(1) << lane
                             continue
@@ -248,31 +264,31 @@ def _sum_rays(nodes, light, camera, search, chosen, scratch):
 
 @device
 def _look(light, search, tile, ray, node):
-    """Luminance, red, green and blue that a ray sees, as of `_seen`; a negative luminance in a hole of a piece."""
+    """Light that a ray sees."""
     if tile.numbers[PIECE, ray] < 0.0:
         return _seen(tile, ray, node, light)
     pixel = search.at_0 + search.per_z * tile.numbers[LENGTH, ray] * tile.numbers[SPEED, ray]
     luminance, red, green, blue = see_piece(light.pieces, tile, ray, light.footprint * pixel)
     if luminance < 0.0:
-        return np.float32(luminance), red, green, blue
+        return _Seen(np.float32(luminance), red, green, blue)
     return _exposed(light, luminance, red, green, blue)
 
 
 @device
 def _exposed(light, luminance, red, green, blue):
-    """Luminance, red, green and blue as of `_seen`, of linear light."""
+    """Exposed light of linear light."""
     luminance *= light.exposure
     clamped = min(luminance, 1.0)
     if len(light.chroma) == 0:
         above = 0.0 if light.clamps else luminance - clamped
-        return np.float32(clamped * LUMINANCE_SCALE), above, above, above
+        return _Seen(np.float32(clamped * LUMINANCE_SCALE), above, above, above)
     scale = light.exposure * (clamped / luminance if light.clamps and luminance > 1.0 else 1.0)
-    return np.float32(clamped * LUMINANCE_SCALE), scale * red, scale * green, scale * blue
+    return _Seen(np.float32(clamped * LUMINANCE_SCALE), scale * red, scale * green, scale * blue)
 
 
 @device
 def _seen(tile, ray, node, light):
-    """Luminance, red, green and blue of a hit, the colours without the luminance where there is no chroma."""
+    """Light of a voxel that a ray hits."""
     nodes, chroma, above = light.nodes, light.chroma, light.above_white
     numbers = tile.numbers
     x, y, z = numbers[DIRECTION, ray], numbers[DIRECTION + 1, ray], numbers[DIRECTION + 2, ray]
@@ -289,23 +305,23 @@ def _seen(tile, ray, node, light):
         red += scale * above.colors[bright, 0]
         green += scale * above.colors[bright, 1]
         blue += scale * above.colors[bright, 2]
-    return luminance, red, green, blue
+    return _Seen(luminance, red, green, blue)
 
 
 @device
 def _add(seen, weight, sums):
-    sums[0] += weight * seen[0]
-    sums[1] += weight * seen[1]
-    sums[2] += weight * seen[2]
-    sums[3] += weight * seen[3]
-    sums[4] += weight
+    sums[LUMINANCE] += weight * seen.luminance
+    sums[COLOR] += weight * seen.red
+    sums[COLOR + 1] += weight * seen.green
+    sums[COLOR + 2] += weight * seen.blue
+    sums[COVERAGE] += weight
 
 
 @device
 def _write_means(sums, colored, total, means):
     """Write the means (MEANS,) of weighted sums."""
-    seen = sums[0] / LUMINANCE_SCALE
-    means[0] = seen / total
-    for channel in range(1, 4):
+    seen = sums[LUMINANCE] / LUMINANCE_SCALE
+    means[LUMINANCE] = seen / total
+    for channel in range(COLOR, COVERAGE):
         means[channel] = (sums[channel] + (0.0 if colored else seen)) / total
-    means[4] = sums[4] / total
+    means[COVERAGE] = sums[COVERAGE] / total

@@ -15,6 +15,7 @@ from ..cells.scales import LUMINANCE_SCALE
 from ..directional.node_kernels import luminance_along
 from ..runtime.kernels import array_device, device
 from ..runtime.vectors import LANES, OCTANTS, larger, less, load, select, smaller, splat, square_root, store
+from .camera import FORWARD, POSITION, RIGHT, UP
 
 TILE = 8  # pixels a side
 RAYS = TILE * TILE
@@ -150,8 +151,8 @@ def aim_tile(camera, tile):
 def _aimed(camera, sx, sy, axis):
     """Origin and direction of a packet's rays on an axis, the direction of any length."""
     pose = camera.pose
-    origin, direction = splat(pose[0, axis]), splat(pose[3, axis])
-    across = sx * splat(pose[1, axis]) + sy * splat(pose[2, axis])
+    origin, direction = splat(pose[POSITION, axis]), splat(pose[FORWARD, axis])
+    across = sx * splat(pose[RIGHT, axis]) + sy * splat(pose[UP, axis])
     if camera.perspective:
         return origin, direction + across
     return origin + across, direction

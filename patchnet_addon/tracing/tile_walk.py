@@ -63,16 +63,24 @@ _SAFE = 1e-12  # relative; bounds round differently from the rays' own distances
 _UPPER_X, _UPPER_Y, _UPPER_Z = 0b10101010, 0b11001100, 0b11110000  # children in the upper half of each axis
 
 
+class _AxisBounds(NamedTuple):
+    """Bounds of a tile's rays along an axis: smallest and largest origin, and axial distance per unit."""
+
+    first_origin: float
+    last_origin: float
+    near: float
+    far: float
+
+
 class _Bounds(NamedTuple):
-    """Bounds of a tile's rays of equal mirroring: on each axis origin and axial distance per unit.
+    """Bounds of a tile's rays of equal mirroring.
 
     start: smallest axial distance of a ray's start. mirror: a bit per axis.
     """
 
-    origin_low: tuple[float, float, float]
-    origin_high: tuple[float, float, float]
-    inverse_low: tuple[float, float, float]
-    inverse_high: tuple[float, float, float]
+    x: _AxisBounds
+    y: _AxisBounds
+    z: _AxisBounds
     start: float
     mirror: int
 
@@ -85,10 +93,11 @@ def trace_block(nodes, camera, search, first, count, offset, scratch):
     each. offset: of the rays from the pixels' centres, (x, y) in pixels. scratch: tile and levels.
     """
     tile, levels = scratch
+    (row, column), (rows, columns), (x, y) = first, count, offset
     for k in range(TILE):
-        tile.numbers[XS, k] = 2.0 * (first[1] + k + 0.5 + offset[0]) / camera.width_px - 1.0
-        tile.numbers[YS, k] = 2.0 * (first[0] + k + 0.5 + offset[1]) / camera.height_px - 1.0
-    want_pixels(tile, count[0], count[1])
+        tile.numbers[XS, k] = 2.0 * (column + k + 0.5 + x) / camera.width_px - 1.0
+        tile.numbers[YS, k] = 2.0 * (row + k + 0.5 + y) / camera.height_px - 1.0
+    want_pixels(tile, rows, columns)
     aim_tile(camera, tile)
     visits = trace_tile(nodes, search, tile, levels)
     find_entries(tile)
@@ -125,18 +134,17 @@ def trace_tile(nodes, search, tile, levels):
 @device
 def _bounds(tile, mirror):
     """Bounds of the live rays of a tile."""
-    x, y, z = _axis_bounds(tile, 0), _axis_bounds(tile, 1), _axis_bounds(tile, 2)
     start = _FAR
     for packet in range(PACKETS):
         first = packet * LANES
         axial = load(tile.numbers, START * RAYS + first) * load(tile.numbers, SPEED * RAYS + first)
         start = min(start, smallest(select(tile.lanes[ALIVE, packet], axial, splat(_FAR))))
-    return _Bounds((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]), (x[3], y[3], z[3]), start, mirror)
+    return _Bounds(_axis_bounds(tile, 0), _axis_bounds(tile, 1), _axis_bounds(tile, 2), start, mirror)
 
 
 @device
 def _axis_bounds(tile, axis):
-    """Smallest and largest origin, smallest and largest axial distance per unit along an axis."""
+    """Bounds of the live rays of a tile along an axis."""
     low, high = splat(_FAR), splat(-_FAR)
     first_origin, last_origin, near, far = low, high, low, high
     for packet in range(PACKETS):
@@ -148,7 +156,7 @@ def _axis_bounds(tile, axis):
         last_origin = larger(last_origin, select(alive, origin, high))
         near = smaller(near, select(alive, inverse, low))
         far = larger(far, select(alive, inverse, high))
-    return smallest(first_origin), largest(last_origin), smallest(near), largest(far)
+    return _AxisBounds(smallest(first_origin), largest(last_origin), smallest(near), largest(far))
 
 
 @device
@@ -203,9 +211,9 @@ def _walk_packets(nodes, search, tile, mirror, levels, top):
 def _open(nodes, bounds, levels, level):
     """Find the children of a level's node that rays of the tile may hit."""
     child = 0.5 / (np.int64(1) << level)
-    x0, x1, x2, x3 = _plane_bounds(bounds, levels.state[level, AT], child, 0)
-    y0, y1, y2, y3 = _plane_bounds(bounds, levels.state[level, AT + 1], child, 1)
-    z0, z1, z2, z3 = _plane_bounds(bounds, levels.state[level, AT + 2], child, 2)
+    x0, x1, x2, x3 = _plane_bounds(bounds.x, levels.state[level, AT], child)
+    y0, y1, y2, y3 = _plane_bounds(bounds.y, levels.state[level, AT + 1], child)
+    z0, z1, z2, z3 = _plane_bounds(bounds.z, levels.state[level, AT + 2], child)
     enter_x = select(_UPPER_X, splat_octants(x1), splat_octants(x0))
     enter_y = select(_UPPER_Y, splat_octants(y1), splat_octants(y0))
     enter_z = select(_UPPER_Z, splat_octants(z1), splat_octants(z0))
@@ -220,11 +228,10 @@ def _open(nodes, bounds, levels, level):
 
 
 @device
-def _plane_bounds(bounds, cell, child, axis):
+def _plane_bounds(bounds, cell, child):
     """Smallest axial distances of a node's lower and middle plane, largest of its middle and upper plane."""
     low, middle, high = 2 * cell * child, (2 * cell + 1) * child, (2 * cell + 2) * child
-    near, far = bounds.inverse_low[axis], bounds.inverse_high[axis]
-    behind, ahead = bounds.origin_high[axis], bounds.origin_low[axis]
+    ahead, behind, near, far = bounds
     return (
         _least(low - behind, near, far),
         _least(middle - behind, near, far),

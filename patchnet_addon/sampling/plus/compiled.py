@@ -31,13 +31,15 @@ assert HIDDEN % OUTPUTS == 0
 class _Network(NamedTuple):
     """Form and its layers as the kernel reads them.
 
-    table: (F, 3) int64 and shares: (F,) float32, see `Form`. base, depth, per_pixel, normal: indices of planes.
-    hidden: weights of both layers with ReLU, in blocks of six outputs, six weights per input. last: of the last layer,
-    output by output. skip: of the features in the second output. bias: of all layers. floor: (1,) zero, in memory, to
-    be broadcast over a vector. All float32, flat.
+    kinds, planes, places: (F,) int64 and shares: (F,) float32, of the features, see `Form`. base, depth, per_pixel,
+    normal: indices of planes. hidden: weights of both layers with ReLU, in blocks of six outputs, six weights per
+    input. last: of the last layer, output by output. skip: of the features in the second output. bias: of all layers.
+    floor: (1,) zero, in memory, to be broadcast over a vector. All float32, flat.
     """
 
-    table: np.ndarray
+    kinds: np.ndarray
+    planes: np.ndarray
+    places: np.ndarray
     shares: np.ndarray
     base: int
     depth: int
@@ -74,9 +76,12 @@ def estimate(
 def _packed(estimators: Estimators, form: Form) -> _Network:
     layers, skip = estimators.networks[form.name]
     hidden = [matrix.reshape(-1, OUTPUTS, matrix.shape[1]).swapaxes(1, 2) for matrix, _ in layers[:-1]]
+    kinds, planes, places = form.table
     place = {plane: index for index, plane in enumerate(form.planes)}
     return _Network(
-        form.table,
+        kinds,
+        planes,
+        places,
         form.shares,
         place[form.shown],
         place[Plane.DEPTH],
@@ -91,9 +96,12 @@ def _packed(estimators: Estimators, form: Form) -> _Network:
 
 
 @kernel
-def _estimate(first, last, planes, shape, active, network, scores):
+def _estimate(
+    first: int, last: int, planes: np.ndarray, shape: tuple[int, int], active: np.ndarray, network: _Network,
+    scores: np.ndarray,
+) -> None:  # fmt: skip
     """Write the scores of rows of a band."""
-    features, scale = empty_values(len(network.table)), np.empty(TILE, np.float32)
+    features, scale = empty_values(len(network.kinds)), np.empty(TILE, np.float32)
     tile, others = empty_values(HIDDEN), empty_values(HIDDEN)
     work = features, scale, tile, others  # features, squared scales, and values between layers of a run
     at = np.empty(9, np.int64)
@@ -120,7 +128,7 @@ def _estimate_run(planes, size, at, network, work):
     size: of a plane. at: (9,) index in a plane of the first pixel's neighbour at each place of the window.
     """
     features, scale, tile, others = work
-    depth = len(network.table)
+    depth = len(network.kinds)
     _fill_features(planes, size, at, network, features, scale)
     apply_layer(features, depth, tile, HIDDEN, network.hidden, network.bias, network.floor)
     apply_layer(tile, HIDDEN, others, HIDDEN, network.hidden[depth * HIDDEN :], network.bias[HIDDEN:], network.floor)
@@ -135,9 +143,8 @@ def _fill_features(planes, size, at, network, features, scale):
     per_pixel, normal = network.per_pixel * size + centre, network.normal * size + centre
     for place in range(TILE):
         scale[place] = _FLOOR
-    for row in range(len(network.table)):
-        kind, plane, window = network.table[row, 0], network.table[row, 1], network.table[row, 2]
-        start = plane * size + at[window]
+    for row in range(len(network.kinds)):
+        kind, start = network.kinds[row], network.planes[row] * size + at[network.places[row]]
         to = row * TILE
         if kind == _DIFFERENCE:
             share = network.shares[row]
@@ -154,7 +161,7 @@ def _fill_features(planes, size, at, network, features, scale):
         else:
             for place in range(TILE):
                 features[to + place] = planes[start + place]
-    _divide(network.table, features, scale)
+    _divide(network.kinds, features, scale)
 
 
 @device
@@ -168,17 +175,17 @@ def _fill_angles(planes, start, normal, size, cosines):
 
 
 @array_device
-def _divide(table, features, scale):
+def _divide(kinds, features, scale):
     """Divide differences by their pixels' scale, and write its logarithm."""
     inverse = np.empty(TILE, np.float32)
     for place in range(TILE):
         inverse[place] = np.float32(1) / math.sqrt(scale[place])
-    for row in range(len(table)):
+    for row in range(len(kinds)):
         to = row * TILE
-        if table[row, 0] == _DIFFERENCE:
+        if kinds[row] == _DIFFERENCE:
             for place in range(TILE):
                 features[to + place] *= inverse[place]
-        elif table[row, 0] == _SCALE:
+        elif kinds[row] == _SCALE:
             for place in range(TILE):
                 features[to + place] = math.log(scale[place])
 

@@ -107,9 +107,10 @@ class Form:
 
     @cached_property
     def table(self) -> np.ndarray:
-        """(F, 3) int64: kind, index among `planes`, and place of each feature."""
+        """Kinds, indices among `planes`, and places of the features, (3, F) int64."""
         index = {plane: number for number, plane in enumerate(self.planes)}
-        return np.array([(feature.kind, index[feature.plane], feature.place) for feature in self.features], np.int64)
+        rows = [(feature.kind, index[feature.plane], feature.place) for feature in self.features]
+        return np.array(rows, np.int64).T.copy()
 
     @cached_property
     def shares(self) -> np.ndarray:
