@@ -35,7 +35,7 @@ def filled_steps(boxes: np.ndarray) -> np.ndarray:
 
 
 @device
-def packed_axis(axis, low, high):  # type: ignore[no-untyped-def]
+def packed_axis(axis, low, high):
     """One axis of a packed box, from `low` to `high`, in voxel sides from the leaf's lowest corner."""
     first = min(max(np.floor(low * STEPS - _MARGIN), 0.0), STEPS - 1.0)
     last = min(max(np.ceil(high * STEPS + _MARGIN) - 1.0, first), STEPS - 1.0)
@@ -43,14 +43,14 @@ def packed_axis(axis, low, high):  # type: ignore[no-untyped-def]
 
 
 @device
-def ends_of_axis(packed, axis):  # type: ignore[no-untyped-def]
+def ends_of_axis(packed, axis):
     """Sum of the first and the last sixteenth of a packed box along an axis."""
     ends = np.int64(packed) >> (_BITS * axis)
     return (ends & 15) + (ends >> 4 & 15)
 
 
 @device
-def joined_boxes(one, other):  # type: ignore[no-untyped-def]
+def joined_boxes(one, other):
     """Packed bounding box of two packed ones."""
     joined = np.int64(0)
     for axis in range(3):
@@ -60,28 +60,28 @@ def joined_boxes(one, other):  # type: ignore[no-untyped-def]
 
 
 @device
-def filled_share(boxes, row):  # type: ignore[no-untyped-def]
+def filled_share(boxes, row):
     """Mean of the shares of its voxel's faces that a box covers, float32."""
     x, y, z = box_side(boxes, row, 0), box_side(boxes, row, 1), box_side(boxes, row, 2)
     return np.float32(x * y + y * z + z * x) / np.float32(FILLED_STEPS)
 
 
 @device
-def covered_steps(boxes, row):  # type: ignore[no-untyped-def]
+def covered_steps(boxes, row):
     """Covered part of the voxel's face along each axis, three numbers of 1 / STEPS^2 each."""
     x, y, z = box_side(boxes, row, 0), box_side(boxes, row, 1), box_side(boxes, row, 2)
     return y * z, x * z, x * y
 
 
 @device
-def box_side(boxes, row, axis):  # type: ignore[no-untyped-def]
+def box_side(boxes, row, axis):
     """Length of a box along an axis in sixteenths."""
     byte = np.int64(boxes[row, axis])
     return 1 + (byte >> 4) - (byte & 15)
 
 
 @device
-def mirrored_span(byte, mirrored):  # type: ignore[no-untyped-def]
+def mirrored_span(byte, mirrored):
     """First and last sixteenth of a box on an axis that may be mirrored."""
     first, last = np.int64(byte) & 15, np.int64(byte) >> 4
     return (15 - last, 15 - first) if mirrored else (first, last)

@@ -88,7 +88,7 @@ def joined_sides(parts: Sequence[LeafSides], counts: Sequence[int]) -> LeafSides
 
 
 @device
-def add_to_faces(faces, leaf, side, share, normal, box, light):  # type: ignore[no-untyped-def]
+def add_to_faces(faces, leaf, side, share, normal, box, light):
     """Add a side of a fragment in a packed box to the three faces of its leaf that it points to.
 
     share: its area over a voxel's face. normal: (3,) of its front. light: luminance, red and blue.
@@ -110,7 +110,7 @@ def add_to_faces(faces, leaf, side, share, normal, box, light):  # type: ignore[
 
 
 @kernel
-def _hide_backs(faces):  # type: ignore[no-untyped-def]
+def _hide_backs(faces):
     """Add the unoccluded backs that point to a face to the fronts there; (R, 6) uint16, 1 if most are backs.
 
     On each face of a thin solid with an opening, as much back as front points to the face, and lies behind it.
@@ -134,7 +134,7 @@ def _hide_backs(faces):  # type: ignore[no-untyped-def]
 
 
 @device
-def _shown(sums, covered):  # type: ignore[no-untyped-def]
+def _shown(sums, covered):
     """Luminance that a face shows: as far as layers hide others, the front one's.
 
     A single surface projects to at most the face of its box, of `covered` steps. If a layer that covers a share c of it
@@ -148,7 +148,7 @@ def _shown(sums, covered):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _find_different(faces, row, boxes, luminance, normal, per_face, found):  # type: ignore[no-untyped-def]
+def _find_different(faces, row, boxes, luminance, normal, per_face, found):
     """Find leaves with a face that differs from the mean by more than a share of it; exposure does not change this.
 
     Also those whose light is that of their backs, whose mean normal has the opposite direction.
@@ -167,7 +167,7 @@ def _find_different(faces, row, boxes, luminance, normal, per_face, found):  # t
 
 
 @kernel
-def _write_light(faces, row, boxes, leaf, light):  # type: ignore[no-untyped-def]
+def _write_light(faces, row, boxes, leaf, light):
     """Write what the faces of leaves (k,) show, black where no surface points to them."""
     for i in range(len(leaf)):
         covered = covered_steps(boxes, leaf[i])

@@ -184,7 +184,7 @@ def _most_different(sides: SidesOfNodes, most: int) -> SidesOfNodes:
 
 
 @kernel
-def _write_difference(faces, luminance, lowest, difference):  # type: ignore[no-untyped-def]
+def _write_difference(faces, luminance, lowest, difference):
     """Write the largest difference of visible faces of nodes from their luminance (n,).
 
     A back counts less where it is black, or that of a lowest node, as of a ground.
@@ -201,7 +201,7 @@ def _write_difference(faces, luminance, lowest, difference):  # type: ignore[no-
 
 
 @kernel
-def _write_faces(nodes, per_face, below, faces):  # type: ignore[no-untyped-def]
+def _write_faces(nodes, per_face, below, faces):
     """Write the faces of nodes: of leaves as of flat surfaces, of others from the visible parts of their children."""
     children = np.empty(8, np.int64)
     child = 0
@@ -231,7 +231,7 @@ def _write_faces(nodes, per_face, below, faces):  # type: ignore[no-untyped-def]
 
 
 @device
-def _cover_axis(children, below, faces, node, axis):  # type: ignore[no-untyped-def]
+def _cover_axis(children, below, faces, node, axis):
     """Write the share of a node covered by its children along an axis."""
     free = 0.0
     for octant in range(8):
@@ -243,7 +243,7 @@ def _cover_axis(children, below, faces, node, axis):  # type: ignore[no-untyped-
 
 
 @device
-def _show_face(children, below, faces, node, axis, lower):  # type: ignore[no-untyped-def]
+def _show_face(children, below, faces, node, axis, lower):
     """Write a face of a node from the four columns of its children; lower: it is the lower one of its axis."""
     face = 2 * axis + lower
     total, backs, light, red, green, blue = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0

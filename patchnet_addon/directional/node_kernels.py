@@ -18,7 +18,7 @@ _LEAST_SHARE = 7  # of 255: up to this visible share, a face has the mean
 
 
 @device
-def row_of(marked, node):  # type: ignore[no-untyped-def]
+def row_of(marked, node):
     """Row of a node among those marked by `bits` and `ranks`, -1 for other nodes and for node -1."""
     word = node >> 6
     if node < 0 or word >= len(marked.bits):
@@ -30,14 +30,14 @@ def row_of(marked, node):  # type: ignore[no-untyped-def]
 
 
 @device
-def luminance_along(light, node, x, y, z):  # type: ignore[no-untyped-def]
+def luminance_along(light, node, x, y, z):
     """Luminance, 65535 = 1, float32, of a node along a direction."""
     row = row_of(light.sides, node)
     return np.float32(light.luminance[node]) if row < 0 else luminance_of_sides(light, node, row, x, y, z)
 
 
 @device
-def luminance_of_sides(light, node, row, x, y, z):  # type: ignore[no-untyped-def]
+def luminance_of_sides(light, node, row, x, y, z):
     """Luminance, 65535 = 1, float32, of a node's sides in a row along a direction."""
     sides = light.sides
     backs = _backs_are_seen(sides, row, x, y, z)
@@ -50,7 +50,7 @@ def luminance_of_sides(light, node, row, x, y, z):  # type: ignore[no-untyped-de
 
 
 @device
-def _backs_are_seen(sides, row, x, y, z):  # type: ignore[no-untyped-def]
+def _backs_are_seen(sides, row, x, y, z):
     """Whether the surface facing a direction is mostly backs: a ray sees one side of a sheet.
 
     Black backs count an eighth: they are dark because a front covers them, as inside an open box.
@@ -69,7 +69,7 @@ def _backs_are_seen(sides, row, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @device
-def _rest(sides, row, seen, backs, x, y, z):  # type: ignore[no-untyped-def]
+def _rest(sides, row, seen, backs, x, y, z):
     """Weight of the mean beside the `seen` part of faces along a direction: the node's open part, and a little.
 
     The mean is that of fronts, which are hardly seen where `backs` are.
@@ -79,7 +79,7 @@ def _rest(sides, row, seen, backs, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @device
-def _face_along(sides, row, axis, along, backs):  # type: ignore[no-untyped-def]
+def _face_along(sides, row, axis, along, backs):
     """Luminance times weight, and weight, of the face across an axis that a direction runs against.
 
     backs: only faces of backs count, else only those of fronts.
@@ -92,13 +92,13 @@ def _face_along(sides, row, axis, along, backs):  # type: ignore[no-untyped-def]
 
 
 @device
-def side_root(sides, row, face, mean):  # type: ignore[no-untyped-def]
+def side_root(sides, row, face, mean):
     """Root of the luminance of a face, float32; the root of the `mean` where hardly any surface faces it."""
     return np.float32(sides.light[row, face]) / np.float32(255) if sides.share[row, face] > _LEAST_SHARE else mean
 
 
 @device
-def color_along(sides, row, mean, x, y, z):  # type: ignore[no-untyped-def]
+def color_along(sides, row, mean, x, y, z):
     """Linear colour of sides along a direction; mean: the node's colour."""
     red, green, blue, seen = 0.0, 0.0, 0.0, np.float32(0)
     backs = _backs_are_seen(sides, row, x, y, z)
@@ -114,7 +114,7 @@ def color_along(sides, row, mean, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def see_luminance(first, last, light, nodes, directions, seen):  # type: ignore[no-untyped-def]
+def see_luminance(first, last, light, nodes, directions, seen):
     """Write luminances (P,) float32 of nodes (P,) int64 along directions (P, 3), 0 for -1 (no node)."""
     for i in range(first, last):
         way = directions[i]
@@ -123,7 +123,7 @@ def see_luminance(first, last, light, nodes, directions, seen):  # type: ignore[
 
 
 @kernel
-def see_colors(first, last, sides, nodes, directions, seen):  # type: ignore[no-untyped-def]
+def see_colors(first, last, sides, nodes, directions, seen):
     """Replace colours (P, 3) float32 of nodes (P,) int64 by those of their sides along directions (P, 3)."""
     for i in range(first, last):
         row = row_of(sides, nodes[i])

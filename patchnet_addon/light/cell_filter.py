@@ -111,7 +111,7 @@ def neighbours(keys: np.ndarray, slots: np.ndarray, places: Places, step: int) -
 
 
 @kernel
-def _find_neighbours(first, last, keys, slots, places, step, found, alike):  # type: ignore[no-untyped-def]
+def _find_neighbours(first, last, keys, slots, places, step, found, alike):
     for i in range(first, last):
         count = 0
         if not places.is_filtered[i]:
@@ -136,7 +136,7 @@ def _find_neighbours(first, last, keys, slots, places, step, found, alike):  # t
 
 
 @kernel
-def _find_missing(first, last, found, missing):  # type: ignore[no-untyped-def]
+def _find_missing(first, last, found, missing):
     """Mark neighbours that a cell has and that do not have it."""
     for i in range(first, last):
         for n in range(found.shape[1]):
@@ -144,7 +144,7 @@ def _find_missing(first, last, found, missing):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _join(found, alike, missing, area, at, mutual):  # type: ignore[no-untyped-def]
+def _join(found, alike, missing, area, at, mutual):
     """Write the neighbours that cells have, and those that miss them, each from index `at` (C,) on."""
     for i in range(len(found)):
         for n in range(found.shape[1]):
@@ -156,14 +156,14 @@ def _join(found, alike, missing, area, at, mutual):  # type: ignore[no-untyped-d
 
 
 @device
-def _put(mutual, at, i, row, weight, area):  # type: ignore[no-untyped-def]
+def _put(mutual, at, i, row, weight, area):
     mutual.rows[at[i]], mutual.weights[at[i]] = row, weight
     mutual.parts[at[i]] = min(area[row] / area[i], 1.0)
     at[i] += 1
 
 
 @device
-def _contains(rows, row):  # type: ignore[no-untyped-def]
+def _contains(rows, row):
     found = False
     for other in rows:
         found |= other == row
@@ -171,7 +171,7 @@ def _contains(rows, row):  # type: ignore[no-untyped-def]
 
 
 @device
-def _tangents(x, y, z):  # type: ignore[no-untyped-def]
+def _tangents(x, y, z):
     """Two unit vectors across a unit normal and each other, along the axes of the octree if the normal is."""
     if abs(x) >= abs(y) and abs(x) >= abs(z):
         length = math.sqrt(x * x + y * y)
@@ -186,7 +186,7 @@ def _tangents(x, y, z):  # type: ignore[no-untyped-def]
 
 
 @device
-def _neighbour(keys, slots, places, i, away, one, two, coarser):  # type: ignore[no-untyped-def]
+def _neighbour(keys, slots, places, i, away, one, two, coarser):
     """Row of the cell around a point `away` in the plane of a cell, or next to that one along the face's axis; -1 for
     none. coarser: levels that it is above the cell.
     """
@@ -212,7 +212,7 @@ def _neighbour(keys, slots, places, i, away, one, two, coarser):  # type: ignore
 
 
 @device
-def _alike(places, i, j):  # type: ignore[no-untyped-def]
+def _alike(places, i, j):
     """Weight of how well two cells' surfaces lie in one plane."""
     cosine = 0.0
     height = 0.0
@@ -228,7 +228,7 @@ def _alike(places, i, j):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _spread(first, last, near, there, variance, out):  # type: ignore[no-untyped-def]
+def _spread(first, last, near, there, variance, out):
     """Write the mean variance of cells and their neighbours: that of a few paths is rough itself."""
     for i in range(first, last):
         total, count = float(variance[i]), 1
@@ -240,7 +240,7 @@ def _spread(first, last, near, there, variance, out):  # type: ignore[no-untyped
 
 
 @kernel
-def _blur(first, last, near, there, light, noise, guide, left):  # type: ignore[no-untyped-def]
+def _blur(first, last, near, there, light, noise, guide, left):
     """Write means of luminance over cells and their neighbours, and the noise of these."""
     for i in range(first, last):
         total, variance, weights = float(light[i, 0]), float(noise[i]) ** 2, 1.0
@@ -255,7 +255,7 @@ def _blur(first, last, near, there, light, noise, guide, left):  # type: ignore[
 
 
 @kernel
-def _weigh(first, last, near, there, guide, apart, weights, totals):  # type: ignore[no-untyped-def]
+def _weigh(first, last, near, there, guide, apart, weights, totals):
     """Write the weight of each neighbour, by how well the guides (N,) agree within their noise, and each cell's sum."""
     for i in range(first, last):
         total = 1.0
@@ -273,7 +273,7 @@ def _weigh(first, last, near, there, guide, apart, weights, totals):  # type: ig
 
 
 @kernel
-def _filter(first, last, near, weights, totals, values, smooth):  # type: ignore[no-untyped-def]
+def _filter(first, last, near, weights, totals, values, smooth):
     """Write means over neighbours of values (N, C).
 
     Two cells exchange as much light, so that the sum over all areas stays: else cells that few others agree with, the

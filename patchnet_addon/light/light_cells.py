@@ -185,7 +185,7 @@ class CellGrid:
 
 
 @kernel
-def _hash_keys(cell, face, sheet, out):  # type: ignore[no-untyped-def]
+def _hash_keys(cell, face, sheet, out):
     for i in range(len(cell)):
         out[i] = mixed(mixed(cell[i], face[i]), sheet[i])
 

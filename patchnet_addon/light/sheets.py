@@ -69,7 +69,7 @@ class Sheets(NamedTuple):
 
 
 @kernel
-def add_volumes(corners_world, sheet, origin, volumes):  # type: ignore[no-untyped-def]
+def add_volumes(corners_world, sheet, origin, volumes):
     """Add to `volumes` (S,) six times the signed volume between an origin (3,) and the triangles (T, 3, 3) of each
     sheet (T,): positive for closed sheets whose normals point outwards.
     """
@@ -83,7 +83,7 @@ def add_volumes(corners_world, sheet, origin, volumes):  # type: ignore[no-untyp
 
 
 @kernel
-def add_solid_angles(corners_world, sheet, eyes, within, angles):  # type: ignore[no-untyped-def]
+def add_solid_angles(corners_world, sheet, eyes, within, angles):
     """Add the solid angles of triangles (T, 3, 3) as seen from eyes (E, 3) to `angles` (S, E), by sheet (T,).
 
     within: (S, E) bool, pairs to compute. 4 pi in sum: the eye is inside a closed sheet; 0: outside. Van Oosterom and

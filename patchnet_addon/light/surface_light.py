@@ -139,12 +139,12 @@ def _back_share(light: np.ndarray, where: np.ndarray, lit: np.ndarray, through: 
 
 
 @device
-def _found(keys, slots, cell, face, sheet):  # type: ignore[no-untyped-def]
+def _found(keys, slots, cell, face, sheet):
     return row_of_key(slots, keys, mixed(mixed(cell, np.int64(face)), np.int64(sheet)))
 
 
 @kernel
-def _look_up(first, last, places, sheets, cells, lights, where):  # type: ignore[no-untyped-def]
+def _look_up(first, last, places, sheets, cells, lights, where):
     """Write the light of both sides of fragments, and where it was found."""
     key, triangle, level = places.keys, places.triangle, places.level
     keys, slots, light = cells.keys, cells.slots, cells.light

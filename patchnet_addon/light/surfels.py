@@ -168,7 +168,7 @@ def _larger(draw: _Draw) -> _Draw:
 
 
 @kernel
-def _choose(first, fragments, shown, level, surface, view, draw):  # type: ignore[no-untyped-def]
+def _choose(first, fragments, shown, level, surface, view, draw):
     """Enter fragments from `first` on with opacities `shown`; returns the first without room, or their number."""
     coarse = min(COARSE, level)
     for f in range(first, len(fragments.keys)):
@@ -193,7 +193,7 @@ def _choose(first, fragments, shown, level, surface, view, draw):  # type: ignor
 
 
 @device
-def _light_level(view, key, level):  # type: ignore[no-untyped-def]
+def _light_level(view, key, level):
     """Levels between a leaf and its light cell, and pixels that show it, 0 if no camera does.
 
     A coarse cell, if pixels need still larger ones, shows its share of them.
@@ -211,7 +211,7 @@ def _light_level(view, key, level):  # type: ignore[no-untyped-def]
 
 
 @device
-def _is_shown(fragments, f, surface, eyes, side):  # type: ignore[no-untyped-def]
+def _is_shown(fragments, f, surface, eyes, side):
     """Return whether an eye is on that side of a fragment's plane."""
     t = fragments.triangle[f]
     one, two = float(fragments.barycentric[f, 0]), float(fragments.barycentric[f, 1])
@@ -228,13 +228,13 @@ def _is_shown(fragments, f, surface, eyes, side):  # type: ignore[no-untyped-def
 
 
 @device
-def side_of_sheet(sheet, side):  # type: ignore[no-untyped-def]
+def side_of_sheet(sheet, side):
     """Number of a side of a sheet: of a thin wall, the back of one leaf may face as the front of the other does."""
     return np.int64(2 * sheet + side)
 
 
 @device
-def _enter(fragments, f, weight, where, side, surface, draw):  # type: ignore[no-untyped-def]
+def _enter(fragments, f, weight, where, side, surface, draw):
     """Enter a side of a fragment into the lottery of its light cell.
 
     where: level of the leaf, levels up to the light cell, pixels that show it, and units of a world unit of area there.
@@ -262,7 +262,7 @@ def _enter(fragments, f, weight, where, side, surface, draw):  # type: ignore[no
 
 
 @device
-def _row_of(place, draw):  # type: ignore[no-untyped-def]
+def _row_of(place, draw):
     """Row of the light cell of a key."""
     row = row_of_key(draw.slots, draw.keys, place)
     if row < 0:
@@ -276,7 +276,7 @@ def _row_of(place, draw):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _join(first, other, draw):  # type: ignore[no-untyped-def]
+def _join(first, other, draw):
     """Join another lottery to `draw`, from its row `first` on; returns the first row without room, or their number."""
     for row in range(first, other.used[0]):
         if draw.used[0] == len(draw.rows):

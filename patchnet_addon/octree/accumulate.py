@@ -158,25 +158,25 @@ class LeafAccumulator:
 
 
 @device
-def _in_parts(product):  # type: ignore[no-untyped-def]
+def _in_parts(product):
     """Quotient and remainder of a large sum."""
     whole = np.rint(product / _WHOLE)
     return np.int64(whole), np.int64(np.rint((product - whole * _WHOLE) / _PART))
 
 
 @device
-def _joined(whole, part, unit):  # type: ignore[no-untyped-def]
+def _joined(whole, part, unit):
     return (whole * _WHOLE + part * _PART) * unit
 
 
 @device
-def _bounded(luminance):  # type: ignore[no-untyped-def]
+def _bounded(luminance):
     """Luminance within bounds; black for NaN."""
     return min(max(float(luminance), -_MAX_LUMINANCE), _MAX_LUMINANCE) if luminance == luminance else 0.0
 
 
 @device
-def _red_and_blue(color, luminance):  # type: ignore[no-untyped-def]
+def _red_and_blue(color, luminance):
     """Red and blue of a colour (3,) scaled to a luminance; gray for black and NaN."""
     red = float(color[0]) if color[0] > 0.0 else 0.0
     green = float(color[1]) if color[1] > 0.0 else 0.0
@@ -189,7 +189,7 @@ def _red_and_blue(color, luminance):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ignore[no-untyped-def]
+def _add(first, fragments, boxes, shading, normals, units, bricks):
     """Add fragments from `first` on; returns the first without room, or their number. units: of a world area of 1."""
     brick = np.int64(-1)
     for i in range(first, len(fragments.keys)):
@@ -228,7 +228,7 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ign
 
 
 @device
-def _add_to_leaf(sums, weight, luminance, normal):  # type: ignore[no-untyped-def]
+def _add_to_leaf(sums, weight, luminance, normal):
     whole, part = _in_parts(weight * luminance)
     sums.area += np.int64(weight)
     sums.light += whole
@@ -239,7 +239,7 @@ def _add_to_leaf(sums, weight, luminance, normal):  # type: ignore[no-untyped-de
 
 
 @device
-def _add_hue(hue, red, blue):  # type: ignore[no-untyped-def]
+def _add_hue(hue, red, blue):
     whole, part = _in_parts(red)
     hue.red += whole
     hue.red_part += part
@@ -249,7 +249,7 @@ def _add_hue(hue, red, blue):  # type: ignore[no-untyped-def]
 
 
 @device
-def _light_of(values):  # type: ignore[no-untyped-def]
+def _light_of(values):
     """Luminance, red and blue of a side (1 or 4,)."""
     luminance = _bounded(values[0])
     red, blue = _red_and_blue(values[1:], luminance) if len(values) > 1 else (0.0, 0.0)
@@ -257,7 +257,7 @@ def _light_of(values):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _emit(order, bricks, unit, keys, boxes, row, sums):  # type: ignore[no-untyped-def]
+def _emit(order, bricks, unit, keys, boxes, row, sums):
     """Write leaves of the bricks in `order`, in Morton order, from fixed point to world units, and their rows."""
     leaf = 0
     for brick in order:

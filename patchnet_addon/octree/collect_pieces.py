@@ -82,7 +82,7 @@ class PieceCollector:
 
 
 @kernel
-def _collect(keys, triangle, shading, base, first_triangle, found):  # type: ignore[no-untyped-def]
+def _collect(keys, triangle, shading, base, first_triangle, found):
     """Write key, triangle in the source and packed light of opaque fragments; returns how many there are."""
     count = 0
     for f in range(len(keys)):
@@ -99,7 +99,7 @@ def _collect(keys, triangle, shading, base, first_triangle, found):  # type: ign
 
 
 @device
-def _packed(light, base):  # type: ignore[no-untyped-def]
+def _packed(light, base):
     """Packed light that gives `light` when a base multiplies it.
 
     light, base: (1,) luminance, or (4,) with red, green and blue, which are scaled to the luminance.
@@ -114,7 +114,7 @@ def _packed(light, base):  # type: ignore[no-untyped-def]
 
 
 @device
-def packed_light(red, green, blue):  # type: ignore[no-untyped-def]
+def packed_light(red, green, blue):
     """Linear red, green and blue in 32 bits; negative ones and NaN are black."""
     red = min(red, _MOST_LIGHT) if red > 0.0 else 0.0
     green = min(green, _MOST_LIGHT) if green > 0.0 else 0.0
@@ -132,7 +132,7 @@ def packed_light(red, green, blue):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _rows_of(keys, leaves, slots):  # type: ignore[no-untyped-def]
+def _rows_of(keys, leaves, slots):
     rows = np.empty(len(keys), np.int32)
     row = np.int64(0)
     for i in range(len(keys)):
@@ -143,7 +143,7 @@ def _rows_of(keys, leaves, slots):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _place(rows, found, leaves, triangle, light):  # type: ignore[no-untyped-def]
+def _place(rows, found, leaves, triangle, light):
     """Insert pieces into their leaves; those of a leaf stay ordered by triangle."""
     for i in range(len(rows)):
         row = rows[i]

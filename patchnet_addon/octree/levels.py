@@ -83,7 +83,7 @@ def number_children(child_mask: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def sums_of_level(child_mask, child_area, child_normal, leaf_area, leaf_normal):  # type: ignore[no-untyped-def]
+def sums_of_level(child_mask, child_area, child_normal, leaf_area, leaf_normal):
     """Area (n,) and area * normal (n, 3) float64 of a level's nodes in order: their children's, or leaves' own.
 
     child_area, child_normal: (c,) and (c, 3) of the level below; leaf_area, leaf_normal: (l,) and (l, 3) of its leaves.

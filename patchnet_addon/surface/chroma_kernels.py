@@ -10,7 +10,7 @@ from .chroma import BLUE, GRAY_SHARE, GREEN, RED, SHARE_SCALE
 
 
 @device
-def decode_color(luminance, red, blue):  # type: ignore[no-untyped-def]
+def decode_color(luminance, red, blue):
     """Compiled twin of `decoded_colors`, whose NumPy version defines the bytes."""
     r = float(red)
     b = float(blue)
@@ -20,7 +20,7 @@ def decode_color(luminance, red, blue):  # type: ignore[no-untyped-def]
 
 
 @device
-def encode_shares(luminance, red, blue):  # type: ignore[no-untyped-def]
+def encode_shares(luminance, red, blue):
     """Compiled twin of `encoded_chroma_reference`, of a colour whose green is what is left of its luminance."""
     r = max(float(red), 0.0)
     b = max(float(blue), 0.0)
