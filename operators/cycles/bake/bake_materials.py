@@ -13,7 +13,7 @@ from ...scene_access.blender_version import start_nodes, tree_in_use
 from ...scene_access.temporary import temporary
 from .mean_view import needs_mean_view, use_mean_view
 from .object_data import needs_redirect, redirect
-from .one_sided import is_translucent, keep_sides
+from .one_sided import keep_sides, needs_cut
 
 
 @contextmanager
@@ -36,13 +36,16 @@ def bake_materials(
     copies: list[bpy.types.Material] = []
     with ExitStack() as stack:
 
+        def changes(tree: bpy.types.NodeTree) -> bool:
+            return needs_redirect(tree) or (oblique and needs_mean_view(tree)) or needs_cut(tree, through)
+
         def adapt(tree: bpy.types.NodeTree, material_index: int, known: dict[str, bpy.types.NodeTree]) -> None:
             redirect(tree, material_index, back)
             if oblique:
                 use_mean_view(tree)
             keep_sides(tree, through)
             for node in tree.nodes:
-                if node.type == "GROUP" and node.node_tree:
+                if node.type == "GROUP" and node.node_tree and changes(node.node_tree):
                     group = node.node_tree.name_full
                     if group not in known:
                         known[group] = stack.enter_context(temporary(node.node_tree.copy()))
@@ -54,8 +57,9 @@ def bake_materials(
             new = original.copy() if original else bpy.data.materials.new("PatchNet Default")
             copies.append(stack.enter_context(temporary(new)))
             with (unread or Omissions()).leaving_out(name):
-                if original and any(changes(original) for changes in (needs_redirect, needs_mean_view, is_translucent)):
-                    adapt(new.node_tree, original.pass_index, {})
+                tree = tree_in_use(new)
+                if original and tree is not None and changes(tree):
+                    adapt(tree, original.pass_index, {})
             aim(new, image, plain=original is None)
         yield copies
 

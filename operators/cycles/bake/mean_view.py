@@ -3,9 +3,14 @@
 
 A bake sees a surface from above. Nodes that depend on the angle of view use an oblique one. A rough diffuse surface and
 sheen, which are brightest at grazing angles, are replaced by smooth diffuse surfaces that reflect as much on average.
+The specular layer and the coat of a Principled BSDF, which dim what is below them, reflect as much from above as they
+do on average.
 """
 
 from __future__ import annotations
+
+import operator
+from collections.abc import Callable
 
 import bpy
 
@@ -22,12 +27,16 @@ _SHEEN = {
 _ROUGH_LOSS = 1.0 / 6.0  # of light on a surface of roughness 1 that meets it again
 # Mean albedo of sheen: of roughness 1, and the exponent of roughness; measured in Cycles, within 0.02.
 _ALBEDO = {"MICROFIBER": (0.447, 1.9), "ASHIKHMIN": (0.46, 1.3)}
+_COAT = 0.0853, 0.0132  # for `_mean_fresnel`: loss by roughness, and share of roughness 1
+_SPECULAR = {"GGX": _COAT, "MULTI_GGX": (0.0427, 0.1144)}
 
 
-def needs_mean_view(material: bpy.types.Material) -> bool:
-    """Return whether `use_mean_view` changes anything in a material."""
-    tree = tree_in_use(material)
-    return tree is not None and any(node.type in _BY_ANGLE or _is_by_view(node) for node in all_nodes(tree))
+def needs_mean_view(tree: bpy.types.NodeTree) -> bool:
+    """Return whether `use_mean_view` changes anything in a tree or in a group of it."""
+    return any(
+        node.type in _BY_ANGLE or _is_by_view(node) or _dims_by_view(node) or _has_coat(node)
+        for node in all_nodes(tree)
+    )
 
 
 def nodes_by_view(material: bpy.types.Material) -> tuple[str, ...]:
@@ -48,6 +57,10 @@ def use_mean_view(tree: bpy.types.NodeTree) -> None:
             _make_smooth(tree, node)
         if _has_sheen(node):
             _make_sheen_diffuse(tree, node)
+        if _dims_by_view(node):
+            _use_mean_specular(tree, node)
+        if _has_coat(node):
+            _use_mean_coat(tree, node)
 
 
 def _is_by_view(node: bpy.types.Node) -> bool:
@@ -60,6 +73,23 @@ def _is_rough(node: bpy.types.Node) -> bool:
 
 def _has_sheen(node: bpy.types.Node) -> bool:
     return node.type == "BSDF_SHEEN" or (node.type == "BSDF_PRINCIPLED" and _is_set(node, "Sheen Weight"))
+
+
+def _dims_by_view(node: bpy.types.Node) -> bool:
+    """Return whether a specular layer dims what is below it."""
+    return (
+        node.type == "BSDF_PRINCIPLED"
+        and _is_set(node, "Specular IOR Level")
+        and not any(_is_all(node.inputs[name]) for name in ("Metallic", "Transmission Weight"))
+    )
+
+
+def _is_all(weight: bpy.types.NodeSocket) -> bool:
+    return not weight.is_linked and weight.default_value >= 1.0
+
+
+def _has_coat(node: bpy.types.Node) -> bool:
+    return node.type == "BSDF_PRINCIPLED" and _is_set(node, "Coat Weight")
 
 
 def _is_set(node: bpy.types.Node, name: str) -> bool:
@@ -96,6 +126,89 @@ def _make_sheen_diffuse(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
     tree.links.new(_source(tree, color), diffuse.inputs["Color"])
     for link in node.inputs["Normal"].links:
         tree.links.new(link.from_socket, diffuse.inputs["Normal"])
+
+
+class _Number:
+    """Number in a tree, a constant or the output of a node; sums, products, quotients and powers are such, too."""
+
+    def __init__(self, tree: bpy.types.NodeTree, value: bpy.types.NodeSocket | float) -> None:
+        self.tree, self.value = tree, value
+
+    def __add__(self, other: _Number | float) -> _Number:
+        return self._with("ADD", operator.add, other)
+
+    def __mul__(self, other: _Number | float) -> _Number:
+        return self._with("MULTIPLY", operator.mul, other)
+
+    def __truediv__(self, other: _Number | float) -> _Number:
+        return self._with("DIVIDE", operator.truediv, other)
+
+    def __pow__(self, other: _Number | float) -> _Number:
+        return self._with("POWER", operator.pow, other)
+
+    def _with(self, operation: str, fold: Callable[[float, float], float], other: _Number | float) -> _Number:
+        term = other.value if isinstance(other, _Number) else other
+        if isinstance(self.value, float) and isinstance(term, float):
+            return _Number(self.tree, fold(self.value, term))
+        return _Number(self.tree, _computed(self.tree, "Math", operation, self.value, term))
+
+    @property
+    def is_computed(self) -> bool:
+        """Whether it is the output of a node."""
+        return not isinstance(self.value, float)
+
+    @property
+    def vector(self) -> bpy.types.NodeSocket | tuple[float, ...]:
+        return (self.value,) * 3 if isinstance(self.value, float) else self.value
+
+
+def _use_mean_specular(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
+    """Tint the specular layer, whose reflectance from above is F0 times tint, by what it reflects on average."""
+    ior, level, roughness = _inputs(tree, node, "IOR", "Specular IOR Level", "Roughness")
+    root = (ior + -1.0) / (ior + 1.0)
+    normal = root * root * level * 2.0
+    if normal.value == 0.0:
+        return
+    tint, more = node.inputs["Specular Tint"], _mean_fresnel(normal, roughness, *_SPECULAR[node.distribution])
+    less, more = more * -1.0 + 1.0, more / normal
+    if tint.is_linked or less.is_computed:
+        tinted = _computed(tree, "VectorMath", "MULTIPLY_ADD", _source(tree, tint), less.vector, more.vector)
+        tree.links.new(tinted, tint)
+    else:
+        tint.default_value = (*(channel * less.value + more.value for channel in tint.default_value[:3]), 1.0)
+
+
+def _use_mean_coat(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
+    """Raise the index of a coat so that it reflects from above as on average, and tint it for its mean depth."""
+    ior, roughness = _inputs(tree, node, "Coat IOR", "Coat Roughness")
+    square, tint = ior * ior, node.inputs["Coat Tint"]
+    depth = square * ((((square**-1.0) * -1.0 + 1.0) ** 0.5) * -2.0 + 2.0)
+    tree.links.new(_computed(tree, "VectorMath", "POWER", _source(tree, tint), depth.vector), tint)
+    root = (ior + -1.0) / (ior + 1.0)
+    normal = root * root
+    mean = (_mean_fresnel(normal, roughness, *_COAT) * (normal * -1.0 + 1.0) + normal) ** 0.5
+    raised = (mean + 1.0) / (mean * -1.0 + 1.0)
+    if raised.is_computed:
+        tree.links.new(raised.value, node.inputs["Coat IOR"])
+    else:
+        node.inputs["Coat IOR"].default_value = raised.value
+
+
+def _mean_fresnel(normal: _Number, roughness: _Number, loss: float, rough: float) -> _Number:
+    """Share E of the light that a layer lets through from above that it reflects in a mean view.
+
+    normal: its reflectance F0 from above. E = 0.1923 F0^(1/3) (1 - F0)^4 loss^(roughness^2) + rough F0^(1/2)
+    roughness^4, fitted to Diffuse Color of balls in Cycles: the light below errs by at most 0.0012 for F0 of 0.015 to
+    0.1, and by 0.008 for 0.005 to 0.2. `test_layers_dim_as_the_mean_of_all_views` compares.
+    """
+    square = roughness * roughness
+    smooth = normal ** (1.0 / 3.0) * ((normal * -1.0 + 1.0) ** 4.0) * 0.1923 * (_Number(normal.tree, loss) ** square)
+    return smooth + normal**0.5 * rough * square * square
+
+
+def _inputs(tree: bpy.types.NodeTree, node: bpy.types.Node, *names: str) -> list[_Number]:
+    sockets = [node.inputs[name] for name in names]
+    return [_Number(tree, each.links[0].from_socket if each.is_linked else each.default_value) for each in sockets]
 
 
 def _source(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:

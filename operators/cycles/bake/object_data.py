@@ -74,12 +74,12 @@ def _asks_whole_object(node: bpy.types.Node, turned: bool) -> bool:
     return False
 
 
-def needs_redirect(material: bpy.types.Material) -> bool:
-    """Return whether `redirect` changes anything in a material."""
+def needs_redirect(tree: bpy.types.NodeTree) -> bool:
+    """Return whether `redirect` changes anything in a tree or in a group of it."""
     return any(
         node.type == "NEW_GEOMETRY" or _own_coordinates(node) or _scatters(node) or needs_generated(node)
         or layer_of(node) or any(asked_by(node, socket.name) for socket in node.outputs)
-        for node in _nodes([material])
+        for node in all_nodes(tree)
     )  # fmt: skip
 
 

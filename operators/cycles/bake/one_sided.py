@@ -27,10 +27,19 @@ def is_translucent(material: bpy.types.Material) -> bool:
     return tree is not None and any(node.type == _TRANSLUCENT for node in all_nodes(tree))
 
 
+def needs_cut(tree: bpy.types.NodeTree, through: bool) -> bool:
+    """Return whether `keep_sides` changes anything in a tree or in a group of it."""
+    return any(_is_cut(node, through) for node in all_nodes(tree))
+
+
+def _is_cut(node: bpy.types.Node, through: bool) -> bool:
+    return node.type.startswith(_SHADERS) and (node.type == _TRANSLUCENT) != through
+
+
 def keep_sides(tree: bpy.types.NodeTree, through: bool) -> None:
     """Cut off Translucent shaders of a tree, or, if `through`, all others; groups in it are left to the caller."""
     for node in tree.nodes:
-        if node.type.startswith(_SHADERS) and (node.type == _TRANSLUCENT) != through:
+        if _is_cut(node, through):
             for link in [link for socket in node.outputs for link in socket.links]:
                 tree.links.remove(link)
 
