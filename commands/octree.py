@@ -27,13 +27,13 @@ AUTO = "auto"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    from ..operators.schema.table import BOX_SHAPE, TABLE
+    from ..operators.schema.values import BOX_SHAPE, LIGHT
+    from ..operators.settings.job_settings import TABLE
 
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room")
     parser.add_argument("--depth", required=True, help="octree depth; auto: fine only in the views")
     add_views(parser)
-    add_settings(parser, "light", "noise_threshold", "max_samples", "denoise", "exposure")
-    add_settings(parser, "sides", "gloss", "device")
+    add_settings(parser, LIGHT, without=("cells", "color"))
     parser.add_argument(
         "--surface", choices=[value for value, _, _ in TABLE["shape"].choices], default=BOX_SHAPE,
         help="where rays that reach the finest voxels end (boxes: training and the paper's figures know no others)",
@@ -98,14 +98,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _settings(args: argparse.Namespace) -> JobSettings:
-    from ..operators.schema.table import ALL_CELLS, GLOSS_CAMERA, SEEN_CELLS
+    from ..operators.schema.values import ALL_CELLS, GLOSS_CAMERA, LIGHT, OCTREE, SEEN_CELLS
     from ..operators.settings.job_settings import JobSettings
 
-    given = given_settings(args)
+    given = given_settings(args, OCTREE, LIGHT)
     if args.gloss != GLOSS_CAMERA:  # for any camera
         given["from_camera"] = False
     given["cells"] = SEEN_CELLS if args.view else ALL_CELLS
-    return JobSettings.of(**given, depth=depth_of(args.depth))
+    return JobSettings.of(**given)
 
 
 def _overrides(args: argparse.Namespace) -> OctreeOverrides:

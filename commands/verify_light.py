@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..patchnet_addon.runtime import bounds
 from .shared.arguments import add_number, add_out
-from .shared.job_arguments import add_settings, depth_of, given_settings, require_blender
+from .shared.job_arguments import add_setting, add_settings, given_settings, require_blender
 from .shared.lines import say_note, say_result
 from .shared.scene_argument import OWN, add_scene, open_or_build
 
@@ -21,7 +21,8 @@ _COLUMNS = ("silhouettes", "creases", "shadows", "textures", "smooth")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    from ..operators.schema.table import GLOSS_OFF, TABLE
+    from ..operators.schema.values import GLOSS_OFF, LIGHT
+    from ..operators.settings.job_settings import TABLE
 
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room; glossy-room", str)
     parser.add_argument("--depth", required=True, help="octree depth; auto: fine only where the cameras look")
@@ -29,7 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--cameras", default="", help="names separated by commas, all, auto, or a number of cameras to place (active)"
     )
     add_number(parser, "--size", bounds.SIZE_PX, "pixels; 0 follows the render aspect", (256, 256), metavar=("W", "H"))
-    add_settings(parser, "shape", "sides", "light", "noise_threshold", "max_samples", "cells", "denoise")
+    add_setting(parser, TABLE["shape"])
+    add_settings(parser, LIGHT, without=("gloss", "device", "exposure", "color"))
     gloss = [value for value, _, _ in TABLE["gloss"].choices]
     parser.add_argument(
         "--gloss", choices=gloss, default=GLOSS_OFF,
@@ -69,6 +71,7 @@ def run(args: argparse.Namespace) -> int:
 
 def check_settings(args: argparse.Namespace) -> CheckSettings:
     """Settings from parsed arguments; raises SettingError for values outside their range."""
+    from ..operators.schema.values import CAMERAS, LIGHT, OCTREE
     from ..operators.settings.job_settings import JobSettings
     from ..operators.verify_light import CheckSettings
     from ..patchnet_addon.runtime.bounds import PLACED_CAMERAS
@@ -77,8 +80,8 @@ def check_settings(args: argparse.Namespace) -> CheckSettings:
     if number:
         PLACED_CAMERAS.check(number)
     names = () if number else tuple(name.strip() for name in args.cameras.split(",") if name.strip())
-    given = given_settings(args) | {"cameras": names}
-    job = JobSettings.of(**given, depth=depth_of(args.depth), size=tuple(args.size), color=False, out=args.out)
+    given = given_settings(args, OCTREE, LIGHT, CAMERAS) | {"cameras": names}
+    job = JobSettings.of(**given, color=False, out=args.out)
     return CheckSettings(job, number, args.render_samples, args.rays, args.difference)
 
 

@@ -22,26 +22,25 @@ import patchnet
 from patchnet.__main__ import leave
 from patchnet.operators.jobs.job_operator import JobOperator
 from patchnet.operators.properties.stages import AnimationProperties, DisplayProperties, LevelProperties
-from patchnet.operators.schema import table as stages
+from patchnet.operators.schema import values as stages
+from patchnet.operators.settings.job_settings import rows
 
 PAGE = Path(__file__).with_name("operators.md")
 # Settings of a scene, by stages of the table or by the class that declares them.
 GROUPS = {
-    "Octree: what is voxelized, and how finely": stages.rows(stages.OCTREE),
-    "Light: where luminance comes from": stages.rows(stages.LIGHT),
-    "Network that looks ahead": stages.rows(stages.CODES),
-    "Cameras: whose pictures are made, and how large": stages.rows(stages.CAMERAS),
-    "View: what is refined first, what matters to the user, and how it is shown": stages.rows(
-        stages.VIEW, stages.IMPORTANCE
-    ),
-    "Output: where files go": stages.rows(stages.OUTPUT),
+    "Octree: what is voxelized, and how finely": rows(stages.OCTREE),
+    "Light: where luminance comes from": rows(stages.LIGHT),
+    "Network that looks ahead": rows(stages.CODES),
+    "Cameras: whose pictures are made, and how large": rows(stages.CAMERAS),
+    "View: what is refined first, what matters to the user, and how it is shown": rows(stages.VIEW, stages.IMPORTANCE),
+    "Output: where files go": rows(stages.OUTPUT),
     "Animation: how its frames are baked": AnimationProperties,
     "Level that is shown or exported": LevelProperties,
     "Voxels in the scene. Operators forget these values, so that those of the panel count for each call": (
         DisplayProperties
     ),
-    "Refinement of a preview with Cycles": stages.rows(stages.REFINEMENT),
-    "Renders of the engine": stages.rows(stages.RENDERS),
+    "Refinement of a preview with Cycles": rows(stages.REFINEMENT),
+    "Renders of the engine": rows(stages.RENDERS),
 }
 
 

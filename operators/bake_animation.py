@@ -10,7 +10,8 @@ from ..patchnet_addon.runtime.frames import frame_range
 from ..patchnet_addon.runtime.progress import Steps
 from .jobs.job_operator import JobOperator, tell
 from .properties.job import is_given, setting
-from .properties.stages import JOB, AnimationProperties, FrameProperties, properties_of
+from .properties.stages import AnimationProperties, FrameProperties, properties_of
+from .schema.values import JOB
 from .settings.job_settings import JobSettings
 
 

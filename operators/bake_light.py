@@ -9,7 +9,7 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
 from .jobs.job_operator import VoxelJob, tell_notes
 from .properties.stages import properties_of
-from .schema.table import LIGHT
+from .schema.values import LIGHT
 from .session import results
 from .session.keep import keep
 from .session.scene_result import SceneResult

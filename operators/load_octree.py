@@ -17,7 +17,7 @@ from ..patchnet_addon.runtime.worker import computed
 from .jobs.job_operator import JobOperator, tell
 from .properties.job import absolute_path
 from .properties.stages import properties_of
-from .schema.table import CODES
+from .schema.values import CODES
 from .session.keep import keep
 from .session.scene_result import SceneResult
 from .session.staleness import look_again
@@ -104,7 +104,7 @@ def _loaded(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | None, s
 
 def _result(octree: Octree, coded: CodedOctree | None, state: SceneState, scene: bpy.types.Scene) -> SceneResult:
     """Result of an octree's file; a file without the state of a scene counts as fitting."""
-    from .schema.table import VISIBLE
+    from .schema.values import VISIBLE
 
     provenance = octree.provenance
     state = replace(state, gloss_from=str(provenance.get("gloss_from", "")))

@@ -12,7 +12,7 @@ from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.job_operator import VoxelJob
 from .properties.stages import properties_of
-from .schema.table import CODES
+from .schema.values import CODES
 from .session import results
 from .session.keep import keep
 from .settings.job_settings import JobSettings
@@ -33,7 +33,7 @@ class PATCHNET_OT_precompute_codes(VoxelJob, bpy.types.Operator):
         clock = StageClock()
         with clock.stage("codes"):
             weights = load_network(settings.network)
-            coded, encoder = yield from encode(before.octree, weights, settings.compute)
+            coded, encoder = yield from encode(before.octree, weights, settings.network)
         made = replace(before, coded=coded, seconds=before.seconds | clock.seconds, encoder=encoder)
         keep(context.scene, results.without_view(made), "codes", settings=settings)
         return f"{counted(coded.coded_count, 'voxel')} with look-ahead, by {encoder}"

@@ -15,7 +15,7 @@ from .jobs.job_operator import CodesJob, tell_notes
 from .properties.job import cycles_settings
 from .properties.stages import properties_of
 from .render_preview import look
-from .schema.table import CAMERAS, IMPORTANCE, REFINEMENT, SELECTED, VIEW
+from .schema.values import CAMERAS, IMPORTANCE, REFINEMENT, SELECTED, VIEW
 from .session import results
 from .session.scene_result import SceneResult
 from .session.shown_view import CYCLES_PICTURE

@@ -14,7 +14,7 @@ from ..patchnet_addon.runtime.stage_clock import StageClock
 from . import overlay
 from .jobs.job_operator import CodesJob, tell_notes
 from .properties.stages import properties_of
-from .schema.table import CAMERAS, IMPORTANCE, VIEW
+from .schema.values import CAMERAS, IMPORTANCE, VIEW
 from .session import results
 from .session.keep import keep
 from .session.shown_view import attach_view_stats, comparison_of

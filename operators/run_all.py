@@ -12,8 +12,8 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
 from .jobs.job_operator import JobOperator, job_in_window, tell_notes
-from .properties.stages import JOB, properties_of
-from .schema.table import SELECTED
+from .properties.stages import properties_of
+from .schema.values import JOB, SELECTED
 from .session import results
 from .session.job_voxels import STAGES, other_objects, result_of_job, voxels_before
 from .session.keep import keep

@@ -10,7 +10,7 @@ from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.job_operator import JobOperator, tell_notes
 from .properties.stages import properties_of
-from .schema.table import CAMERAS, OCTREE
+from .schema.values import CAMERAS, OCTREE
 from .session.keep import keep
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...operators.schema.named import with_flags
+from ...operators.settings.named import with_flags
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.log import event, is_json
 

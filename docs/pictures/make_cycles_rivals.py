@@ -34,7 +34,7 @@ from patchnet.operators.cycles.camera_render import (
 from patchnet.operators.cycles.pixel_renders import Chosen, pixel_renders
 from patchnet.operators.cycles.scene_copy import prepared, render
 from patchnet.operators.pipeline.cycles_refine import OWN_SIDE, wanted_pixels, wanted_surface
-from patchnet.operators.schema.table import COMBINED
+from patchnet.operators.schema.values import COMBINED
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.image.exr import read_exr

@@ -79,7 +79,7 @@ def _coded(cameras: list[Camera]) -> CodedOctree:
     settings = JobSettings.of(color=True, size=size)
     overrides = OctreeOverrides(cameras=lambda: list(cameras))
     octree = drain(build_lit_octree(bpy.context, settings, StageClock(), overrides)).octree
-    return drain(encode(octree, load_network(settings.network), settings.compute))[0]
+    return drain(encode(octree, load_network(settings.network), settings.network))[0]
 
 
 def _truth(coded: CodedOctree, camera: Camera) -> np.ndarray:

@@ -13,7 +13,7 @@ from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene_access.blender_version import tree_in_use
-from ..schema.table import AUTO, BLACK_BACKGROUND, TRANSPARENT
+from ..schema.values import AUTO, BLACK_BACKGROUND, TRANSPARENT
 from .daylight import SKY_COLOR, SKY_STRENGTH, has_light
 from .environment import SAMPLES, world_view
 

@@ -28,7 +28,7 @@ from ...patchnet_addon.tracing.camera import PERSPECTIVE, Camera
 from ..scene_access.polygons import add_polygons
 from ..scene_access.temporary import temporary
 from ..scene_access.window_job import check_no_job, window_is_alive
-from ..schema.table import COMBINED, DIFFUSE
+from ..schema.values import COMBINED, DIFFUSE
 from ..settings.cycles_settings import WITH_GLOSS
 from .camera_render import add_passes, baked_light, baked_light_with_gloss, combined_light, coverage
 from .daylight import daylight

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...patchnet_addon.runtime.errors import SettingError
-from ..schema.table import IMAGE, NOTHING
+from ..schema.values import IMAGE, NOTHING, VERTEX_GROUP
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,11 @@ class Importance:
     def __post_init__(self) -> None:
         if bool(self.image) == bool(self.vertex_group):
             raise SettingError("Importance needs one source: choose an image or a vertex group")
+
+    @property
+    def kind(self) -> str:
+        """Choice of the panel: IMAGE or VERTEX_GROUP."""
+        return VERTEX_GROUP if self.vertex_group else IMAGE
 
     @classmethod
     def chosen(cls, kind: str, image: str, vertex_group: str) -> Importance | None:

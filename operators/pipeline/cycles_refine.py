@@ -30,7 +30,7 @@ from ..scene.read import LEFT_OUT, read_scene
 from ..scene.render_geometry import render_geometry, shown_instances, shows_itself
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.blender_version import tree_in_use
-from ..schema.table import CYCLES, DIFFUSE, GLOSS_OFF, VISIBLE
+from ..schema.values import CYCLES, DIFFUSE, GLOSS_OFF, VISIBLE
 from ..settings.cycles_settings import REFERENCE_FACTOR, REFERENCE_SEED, WITH_GLOSS, CyclesSettings
 from .unfinished import Ground
 from .views import View

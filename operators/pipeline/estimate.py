@@ -79,8 +79,8 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
     notes = (*focus_warnings(context.scene, cameras), *source.warnings, *of_light)
     found = replace((yield from steps), notes=notes)
     side = settings.surface.voxel_size_world or Grid.around(bounds_world, found.depth).voxel_size_world
-    device = device_text(context, settings.compute.device) if light.is_baked else ""
-    found.lines = _lines(found, length_text(context.scene, side), device, encoder_text(settings.compute))
+    device = device_text(context, settings.light.device) if light.is_baked else ""
+    found.lines = _lines(found, length_text(context.scene, side), device, encoder_text(settings.network))
     return found
 
 
@@ -124,7 +124,7 @@ def _estimate(
         # Nodes with look-ahead, that many levels above the leaves and further up, are this share of the leaves.
         codes_bytes=int(leaves / (3.0 * 4.0 ** (lookahead - 1)) * _BYTES_PER_CODED),
         peak_bytes=peak_bytes(leaves, settings.contents),
-        free_bytes=settings.compute.memory_bytes or available_memory(),
+        free_bytes=settings.surface.memory_bytes or available_memory(),
         lookahead_share=share,
         paths=light_paths(settings, fit, leaves=leaves) if light.is_baked else 0.0,
         made_for=_made_for(source, cameras, fit),

@@ -16,7 +16,7 @@ from ...patchnet_addon.runtime.replace import temporary_path
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.scene_mesh import SceneMesh
-from ..schema.table import SEEN_CELLS
+from ..schema.values import SEEN_CELLS
 from ..settings.job_settings import JobSettings
 from .stages import GridChoice
 

@@ -33,7 +33,7 @@ from ..scene.precision import light_warnings, thin_warnings
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..scene.track import track_cameras
-from ..schema.table import SEEN_CELLS, SELECTED
+from ..schema.values import SEEN_CELLS, SELECTED
 from ..settings.job_settings import JobSettings
 from ..state.digest import composed
 from ..state.watch import read_state
@@ -197,7 +197,7 @@ def light_octree(
     overrides, source, settings = surface.overrides, surface.source, surface.settings
     coarse = light_warnings(source, choice.grid) if surface.is_baked else ()
     clipping, color = Progress(0, 1, "Planning the voxels"), settings.light.color
-    keep_bytes = _FRAGMENTS_SHARE * (settings.compute.memory_bytes or available_memory())
+    keep_bytes = _FRAGMENTS_SHARE * (settings.surface.memory_bytes or available_memory())
     with clock.stage("voxelize"):
         cut = partial(ClippedSurface, source, choice.grid, choice.layout, keep_bytes=keep_bytes, color=color)
         clipped = yield from computed(cut, clipping)
@@ -261,7 +261,7 @@ def _light(
         cameras=tuple(choice.cameras),
         light=settings.light,
         lookahead=load_network(settings.network).lookahead,
-        device=settings.compute.device,
+        device=settings.light.device,
         state=surface.state.identity(context.scene.frame_subframe),
     )
     return (yield from bake_light(job, each_round))

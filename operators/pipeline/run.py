@@ -29,9 +29,9 @@ from ...patchnet_addon.tracing.camera import Camera
 from ..scene.cameras import focus_warnings, looking_cameras, octree_cameras
 from ..scene.pixel_filter import pixel_filter_of
 from ..scene_access.images import VIEW_TRANSFORM, save_png
-from ..schema.table import CYCLES
+from ..schema.values import CYCLES, VIEW
 from ..settings.groups import NETWORK_DEVICE
-from ..settings.job_settings import JobSettings
+from ..settings.job_settings import JobSettings, recorded
 from ..state.scene_state import SceneState
 from .cycles_pictures import save_cycles
 from .cycles_refine import CyclesView, refine_view
@@ -137,7 +137,7 @@ class _Job:
 
 
 def _compute(job: _Job, before: Before | None) -> Steps[JobResult]:
-    found_device(job.settings.compute.torch_device, NETWORK_DEVICE)  # a missing GPU is an error before the bake
+    found_device(job.settings.network.torch_device, NETWORK_DEVICE)  # a missing GPU is an error before the bake
     made, cameras = yield from _lit(job, before)
     if isinstance(made, LitOctree):
         job.plan.resumed = made.reused > 0.0
@@ -157,7 +157,7 @@ def _result(job: _Job, made: LitOctree | Before, cameras: Sequence[Camera]) -> S
         coded, encoder = made.coded, made.encoder
     else:
         with clock.stage("codes"):
-            coded, encoder = yield from encode(made.octree, job.weights, settings.compute)
+            coded, encoder = yield from encode(made.octree, job.weights, settings.network)
     views: list[View] = []
     cycles: list[CyclesView] = []
     for camera in cameras:
@@ -182,7 +182,7 @@ def _result(job: _Job, made: LitOctree | Before, cameras: Sequence[Camera]) -> S
     focus = focus_warnings(context.scene, cameras)
     others = estimators_warning(wanted.strategy, coded.weights)
     notes = {"octree": made.warnings, "codes": (others,) if others else (), "view": (*focus, *unseen)}
-    report = _report(coded, views, wanted.strategy, clock.seconds, sum(notes.values(), ())) | {"encoder": encoder}
+    report = _report(coded, views, settings, clock.seconds, sum(notes.values(), ())) | {"encoder": encoder}
     return JobResult(coded, tuple(views), report, notes, made.layout, tuple(cycles), made.state)
 
 
@@ -236,7 +236,11 @@ def _known_noise(before: Before | None, surface: ReadSurface) -> float:
 
 
 def _report(
-    coded: CodedOctree, views: Sequence[View], strategy: str, timings_s: dict[str, float], warnings: Sequence[str]
+    coded: CodedOctree,
+    views: Sequence[View],
+    settings: JobSettings,
+    timings_s: dict[str, float],
+    warnings: Sequence[str],
 ) -> dict[str, Any]:
     """Report of all figures, as plain JSON values."""
     octree = coded.octree
@@ -256,7 +260,8 @@ def _report(
         "timings_s": timings_s,
         "frames": [item.report for item in views],
         "error_unit": ERROR_UNIT,
-        "strategy": strategy,
+        "strategy": settings.view.strategy,
+        "settings": recorded(settings.values, VIEW),
         "view_transform": VIEW_TRANSFORM,
         "light": octree.provenance,
         "warnings": list(warnings),

@@ -25,9 +25,9 @@ from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.empty_view import BLACK_SURFACE
 from ..scene.precision import place_warnings
 from ..scene.scene_mesh import SceneMesh
-from ..schema.table import CYCLES, EXACT_SHAPE, WHOLE_SHAPE
-from ..settings.groups import NETWORK_DEVICE, ComputeSettings, LightSettings, NetworkSettings
-from ..settings.job_settings import JobSettings
+from ..schema.values import EXACT_SHAPE, LIGHT, OCTREE, WHOLE_SHAPE
+from ..settings.groups import NETWORK_DEVICE, LightSettings, NetworkSettings
+from ..settings.job_settings import JobSettings, recorded
 from .reports import versions
 
 if TYPE_CHECKING:  # needed only when an octree is built
@@ -75,7 +75,7 @@ def _even_grid(source: MeshSource, _cameras: Sequence[Camera], settings: JobSett
     bounds_world = settings.surface.bounds_world(source)
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Finding the depth")
     leaves = expected_leaves(coarse, grid.depth)
-    check_memory(leaves, grid.depth, settings.compute.memory_bytes, settings.contents)
+    check_memory(leaves, grid.depth, settings.surface.memory_bytes, settings.contents)
     return GridChoice(grid, leaves=leaves)
 
 
@@ -102,7 +102,7 @@ def fitted_levels(
     from ...patchnet_addon.surface.shading import opacity_shade
 
     grid = Grid.around(settings.surface.bounds_world(source), MAX_DEPTH)
-    memory = settings.compute.memory_bytes or available_memory()
+    memory = settings.surface.memory_bytes or available_memory()
     most = max_leaves(memory - LAYOUT_BYTES, settings.contents)
     lookahead, shade = load_network(settings.network).lookahead, opacity_shade(source)
     fitting = fit_leaf_levels(source, grid, cameras, shade, max_leaves=most, lookahead=lookahead, rough=rough)
@@ -148,7 +148,9 @@ def build(
     fitted = {"fitted": clipped.layout.block_level > 0}
     provenance = _provenance(clipped.source, settings, light) | fitted | lit.notes | provenance
     exposure = settings.light.exposure if light != UNLIT else None  # unlit colours are not exposed
-    if light != UNLIT:
+    if light == UNLIT:
+        del provenance["exposure"]
+    else:
         provenance["exposure"] = "automatic" if exposure is None else "given"
     shape = settings.surface.shape
     base = None
@@ -170,18 +172,14 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
         "scene": bpy.context.scene.name,
         "frame": bpy.context.scene.frame_current,
         "triangles": source.triangle_count,
-        "scope": settings.surface.scope,
-        "light": light,
-        "color": settings.light.color,
-        "sides": settings.light.sides,
         "versions": versions(),
     }
+    chosen = settings.values
+    chosen.light = light
+    values |= recorded(chosen, OCTREE, LIGHT)
+    values.pop("track_frames", None)  # tracks by other words make the same file
     if all(max(*material.base_color, *material.emission) <= 0.0 for material in source.materials):
         values[BLACK_SURFACE] = named_list(material.name for material in source.materials)
-    if light == CYCLES:
-        values |= {
-            name: getattr(settings.light, name) for name in ("noise_threshold", "max_samples", "gloss", "denoise")
-        }
     return values
 
 
@@ -192,18 +190,18 @@ def load_network(network: NetworkSettings) -> Weights:
     return load_weights(network.weights)
 
 
-def encode(octree: Octree, weights: Weights, compute: ComputeSettings) -> Steps[tuple[CodedOctree, str]]:
+def encode(octree: Octree, weights: Weights, network: NetworkSettings) -> Steps[tuple[CodedOctree, str]]:
     """Codes of all voxels with look-ahead, and the name of the encoder; raises SettingError for a missing device."""
     from ...patchnet_addon.codes.encode import encode_octree
 
     yield _ENCODING
-    device = found_device(compute.torch_device, NETWORK_DEVICE)
+    device = found_device(network.torch_device, NETWORK_DEVICE)
     encoder = _OWN_ENCODER if device == CPU else f"torch on {device_title(device)}"
     steps = run_in_worker(lambda: encode_octree(octree, weights, device=device), _ENCODING)
     return (yield from labelled(steps, f"{{}} with {encoder}")), encoder
 
 
-def encoder_text(compute: ComputeSettings) -> str:
+def encoder_text(network: NetworkSettings) -> str:
     """Name of the encoder that the settings choose, without loading torch where that is not needed."""
-    has_gpu = compute.torch_device != CPU and (compute.torch_device != AUTO or torch_has_gpu())
+    has_gpu = network.torch_device != CPU and (network.torch_device != AUTO or torch_has_gpu())
     return "torch on a GPU" if has_gpu else _OWN_ENCODER

@@ -35,7 +35,7 @@ from ...patchnet_addon.tracing.pixel_filter import BOX_FILTER, PixelFilter
 from ..cycles.background import BLACK_GROUND, Background, background
 from ..importance.pixels import pixel_importance
 from ..scene_access.images import ERROR_MAXIMUM, PICTURES, PRIORITY_NAME, save_exr, save_png
-from ..schema.table import CYCLES
+from ..schema.values import CYCLES
 from ..settings.groups import ViewSettings
 from ..settings.job_settings import JobSettings
 from .unfinished import Ground, Meanwhile, Unfinished, first_look, shown_meanwhile

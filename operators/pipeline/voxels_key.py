@@ -13,8 +13,8 @@ from ..cycles.daylight import has_light
 from ..scene.fingerprint import has_films, lights_hash, surface_hash
 from ..scene.read import read_scene
 from ..scene.render_geometry import render_geometry
-from ..schema.table import CODES, LIGHT, OCTREE, VISIBLE, result_fields
-from ..settings.job_settings import JobSettings
+from ..schema.values import CODES, LIGHT, OCTREE, VISIBLE
+from ..settings.job_settings import JobSettings, result_fields
 from ..state.block_hashes import place_of_gloss
 from ..state.digest import composed
 
@@ -37,12 +37,12 @@ def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
 
     Cameras do not count, nor does the number of the frame unless an image is a film. Raises as `read_scene` does.
     """
-    values = settings.flat()
+    values = settings.values
     scopes = dict.fromkeys((settings.surface.scope, VISIBLE))  # objects without voxels cast shadows too
     with render_geometry(depsgraph):
         parts = [*(surface_hash(read_scene(depsgraph, scope)) for scope in scopes), lights_hash(depsgraph)]
     frame = depsgraph.scene.frame_current_final if has_films() else None
-    return composed(*(values[name] for name in result_fields(OCTREE, LIGHT, CODES)), *parts, frame)
+    return composed(*(getattr(values, name) for name in result_fields(OCTREE, LIGHT, CODES)), *parts, frame)
 
 
 def voxels_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings, surface: str, cameras: str) -> str:

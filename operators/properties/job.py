@@ -5,19 +5,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
 import numpy as np
 
-from ...patchnet_addon.runtime.bounds import MEMORY_GIB
 from ...patchnet_addon.runtime.errors import SettingError
 from ..importance.painted import Importance
 from ..scene_access.unread_file import check_opened
-from ..schema.setting import Kind, Setting
-from ..schema.table import AUTO, DEPTH, SELECTED, TABLE, VISIBLE, VOXEL_SIZE
+from ..schema.setting import Kind, Setting, names_of
+from ..schema.values import AUTO, SELECTED, VISIBLE
 from ..settings.cycles_settings import CyclesSettings
-from ..settings.job_settings import JobSettings
+from ..settings.job_settings import SETTING_PATHS, TABLE, JobSettings
 from .preferences import Preferences, preferences
 
 
@@ -69,32 +69,24 @@ def scene_settings(scene: bpy.types.Scene) -> JobSettings:
 
 def cycles_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> CyclesSettings:
     """Settings of a refinement by Cycles, from the operator where they are set, else from the scene."""
-    names = "budget", "samples", "light", "compare"
-    return CyclesSettings(**{name: setting(context, operator, f"cycles_{name}") for name in names})
-
-
-# Settings whose values mean what they mean beside others; all else is taken as it stands.
-_TOGETHER = frozenset(
-    {"scope", "resolution", "depth", "voxel_size", "track", "track_frames", "memory", "cameras", "importance",
-     "importance_image", "importance_group"}
-)  # fmt: skip
+    names = names_of(CyclesSettings)
+    return CyclesSettings(**{field: setting(context, operator, name) for name, field in names.items()})
 
 
 def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope: str, colormap: str) -> JobSettings:
-    scope = value("scope")
-    plain = {row.job_field: _plain(row, value(row.name)) for row in TABLE.values() if row.name not in _TOGETHER}
-    return JobSettings.of(
-        scope=automatic_scope if scope == AUTO else scope,
-        depth=value("depth") if resolution == DEPTH else None,
-        voxel_size_world=value("voxel_size") if resolution == VOXEL_SIZE else None,
-        track=resolution == AUTO and value("track"),
-        track_frames=tuple(value("track_frames")) if resolution == AUTO and value("track") else (0, 0),
-        memory_bytes=_bytes(value("memory")),
-        cameras=tuple(name.strip() for name in value("cameras").split(",") if name.strip()),
-        importance=Importance.chosen(value("importance"), value("importance_image"), value("importance_group")),
-        colormap=colormap,
-        **plain,
-    )
+    values = SimpleNamespace(**{name: value(name) for name in TABLE} | {"resolution": resolution})
+    given = {}
+    for row in (row for row in TABLE.values() if row.name in SETTING_PATHS):
+        plain = _plain(row, getattr(values, row.name))
+        row.check_value(plain)
+        if row.counts(values):
+            given[row.name] = plain
+    given |= {
+        "scope": automatic_scope if values.scope == AUTO else values.scope,
+        "importance": Importance.chosen(values.importance, values.importance_image, values.importance_group),
+        "colormap": colormap,
+    }
+    return JobSettings.of(**given)
 
 
 def _plain(row: Setting, value: Any) -> Any:
@@ -104,14 +96,9 @@ def _plain(row: Setting, value: Any) -> Any:
         return value or None
     if row.kind is Kind.PAIR:
         return tuple(value)
+    if row.kind is Kind.TEXT:
+        return tuple(part.strip() for part in value.split(",") if part.strip())
     return absolute_path(value) if row.kind in (Kind.FILE, Kind.FOLDER) else value
-
-
-def _bytes(gib: float) -> int | None:
-    """Bytes of a memory limit; None for 0; raises SettingError, since Blender lets a script set NaN."""
-    if gib:
-        MEMORY_GIB.check(gib)
-    return round(gib * 2**30) or None
 
 
 def _resolution(operator: bpy.types.Operator, resolution: str) -> str:

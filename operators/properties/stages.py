@@ -26,7 +26,8 @@ from ...patchnet_addon.runtime.bounds import FRAME, FRAME_STEP, LEVEL, SHARE, SH
 from ...patchnet_addon.sampling.registry import FOR_USERS, STRATEGIES
 from ..scene.cameras import ALL, AUTO, scene_cameras
 from ..schema.setting import Kind, Setting
-from ..schema.table import CAMERAS, CODES, IMPORTANCE, LIGHT, OCTREE, OUTPUT, REFINEMENT, RENDERS, TABLE, VIEW, rows
+from ..schema.values import CAMERAS, JOB, REFINEMENT, RENDERS
+from ..settings.job_settings import TABLE, rows
 from ..voxel_object import CUBES, POINTS
 
 
@@ -77,7 +78,7 @@ def property_of(row: Setting) -> Any:
     if row.kind is Kind.SWITCH:
         return BoolProperty(**words, default=row.default, **more)
     if row.kind is Kind.CHOICE:
-        return EnumProperty(**words, items=list(row.choices), default=row.default, **more)
+        return EnumProperty(**words, items=list(row.choices), default=_default(row), **more)
     if row.kind is Kind.TEXT:
         if row.stage == CAMERAS:
             more |= {"search": camera_candidates, "search_options": {"SUGGESTION"}}
@@ -92,10 +93,11 @@ def property_of(row: Setting) -> Any:
     if row.kind is Kind.AUTOMATIC:
         return FloatProperty(**words, default=row.default or 0.0, min=0.0, max=_inside(row.bounds)[1], **more)
     make = share if row.kind is Kind.SHARE else number
-    return make(row.label, row.description, row.default, row.bounds, **more)
+    return make(row.label, row.description, _default(row), row.bounds, **more)
 
 
-JOB = (OCTREE, LIGHT, CODES, CAMERAS, VIEW, IMPORTANCE, OUTPUT)  # stages whose settings a job has
+def _default(row: Setting) -> Any:
+    return row.default if row.shown is None else row.shown
 
 
 def properties_of(*stages: str) -> dict[str, Any]:

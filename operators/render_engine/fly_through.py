@@ -28,7 +28,7 @@ from ..properties.job import scene_settings
 from ..scene.cameras import choose_cameras
 from ..scene.track import kept_track, track_cameras, track_key
 from ..scene_access.overrides import changed
-from ..schema.table import COMBINED, GLOSS_CAMERA, LIGHT, OCTREE
+from ..schema.values import COMBINED, GLOSS_CAMERA, LIGHT, OCTREE
 from ..session.keep import keep
 from ..session.octree_cache import result_or_kept
 from ..session.scene_result import SceneResult

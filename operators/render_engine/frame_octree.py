@@ -26,7 +26,7 @@ from ..scene.track import track_cameras, track_frames, track_key
 from ..scene_access.frames import values_of_graph
 from ..scene_access.own import quiet
 from ..scene_access.temporary import scene_copy
-from ..schema.table import GLOSS_AUTO, GLOSS_CAMERA, LIGHT, OCTREE, SEEN_CELLS
+from ..schema.values import GLOSS_AUTO, GLOSS_CAMERA, LIGHT, OCTREE, SEEN_CELLS
 from ..session import results
 from ..session.job_voxels import STAGES
 from ..session.keep import keep
@@ -77,7 +77,7 @@ def octree_of_frame(
     result = yield from _result_of_frame(_Frame(depsgraph, scene, camera, settings, warn, animation, still))
     if result.coded is not None or settings.view.render_samples is not None:
         return result.octree, result.coded
-    coded, _ = yield from encode(result.octree, load_network(settings.network), settings.compute)
+    coded, _ = yield from encode(result.octree, load_network(settings.network), settings.network)
     if results.result_of(scene) is result:
         keep(scene, replace(result, coded=coded), "codes")
     return result.octree, coded
@@ -261,7 +261,7 @@ def _compute(frame: _Frame) -> Steps[SceneResult]:
         provenance={"scene": scene.name, "frame": scene.frame_current},  # not those of the copy that bakes
     )
     made = yield from build_lit_octree(bpy.context, settings, StageClock(), overrides)
-    coded = None if weights is None else (yield from encode(made.octree, weights, settings.compute))[0]
+    coded = None if weights is None else (yield from encode(made.octree, weights, settings.network))[0]
     for warning in made.warnings:
         frame.warn(warning)
     made_by = {stage: settings.key(stage) for stage in STAGES} | {

@@ -10,9 +10,10 @@ import bpy
 from ..gpu_view.cards import is_there, why_cpu
 from ..jobs.job_operator import job_in_window
 from ..overlay.overlay_settings import overlay_settings
-from ..schema.table import TABLE
+from ..schema.values import IMPORTANCE
 from ..session import results
-from ..ui.tab import PanelBase, draw_progress, draw_samples, draw_sentence, draw_setting, draw_settings, split
+from ..settings.job_settings import TABLE
+from ..ui.tab import PanelBase, draw_progress, draw_sentence, draw_setting, draw_settings, split
 from .engine import ENGINE
 
 # EEVEE panels whose settings affect a bake.
@@ -48,12 +49,14 @@ class PATCHNET_PT_render_refinement(_RenderPanel, bpy.types.Panel):
         layout = split(self.layout)
         draw_setting(layout, context.scene.patchnet, "render_samples")
         if context.scene.patchnet.render_samples:
-            draw_settings(layout, context.scene.patchnet, "importance")
+            draw_settings(layout, context.scene.patchnet, IMPORTANCE)
             return
-        for name in ("strategy", "unrefined", "budget"):
+        draw_setting(layout, context.scene.patchnet, "strategy")
+        for name in ("unrefined", "budget"):
+            layout.prop(context.scene.patchnet, name)
+        for name in ("refined_samples", "spp"):
             draw_setting(layout, context.scene.patchnet, name)
-        draw_samples(layout, context.scene.patchnet)
-        draw_settings(layout, context.scene.patchnet, "importance")
+        draw_settings(layout, context.scene.patchnet, IMPORTANCE)
 
 
 class PATCHNET_PT_render_octree(_RenderPanel, bpy.types.Panel):

@@ -25,7 +25,7 @@ from ..properties.job import scene_settings
 from ..properties.preferences import apply_preferences
 from ..scene.cameras import focus_warnings
 from ..scene_access.frames import values_of_graph
-from ..schema.table import AUTO, CYCLES, VISIBLE
+from ..schema.values import AUTO, CYCLES, VISIBLE
 from ..session.scene_session import in_main_thread
 from ..session.world_maps import awaited_background
 from ..settings.groups import samples_side

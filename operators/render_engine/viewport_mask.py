@@ -17,7 +17,7 @@ from ..importance.painted import Importance
 from ..importance.pixels import Strokes, painted_image, read_strokes
 from ..scene_access.own import quiet
 from ..scene_access.window_state import Part
-from ..schema.table import VISIBLE
+from ..schema.values import VISIBLE
 
 _REST = 5.0  # pause between two reads of an image, as a multiple of the time of one
 

@@ -15,7 +15,7 @@ from ..cycles.background import SeenWorld, seen_world
 from ..cycles.daylight import has_light
 from ..overlay import paint
 from ..scene.fingerprint import world_hash
-from ..schema.table import CYCLES
+from ..schema.values import CYCLES
 from ..session.scene_session import session_of
 from ..session.world_maps import ask_for_map
 

@@ -14,7 +14,7 @@ from ...patchnet_addon.runtime.errors import EmptySelectionError
 from ...patchnet_addon.runtime.omissions import Omissions
 from ...patchnet_addon.runtime.quantities import named_list, subject
 from ...patchnet_addon.surface.mesh import Material
-from ..schema.table import SELECTED, VISIBLE
+from ..schema.values import SELECTED, VISIBLE
 from ..state.digest import origin_of_corners
 from .coincident import coincidence_warnings
 from .files import missing_files, missing_libraries

@@ -11,7 +11,7 @@ import bpy
 
 from ..scene_access.frames import fcurves, kept_values
 from ..scene_access.own import is_own
-from ..schema.table import VISIBLE
+from ..schema.values import VISIBLE
 
 _WITHOUT_SURFACE = ("LIGHT", "LIGHT_PROBE", "CAMERA")
 _OF_VIEWPORTS = ("hide_viewport", ".show_viewport", ".levels", ".viewport_resolution")  # of objects, of modifiers

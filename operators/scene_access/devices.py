@@ -6,9 +6,8 @@ from __future__ import annotations
 import bpy
 
 from ...patchnet_addon.runtime.errors import SettingError
-from ..schema.table import AUTO, CPU, GPU
+from ..schema.values import AUTO, CPU, GPU
 
-DEVICES = (AUTO, CPU, GPU)
 _ENABLE = "enable one in the preferences under System > Cycles Render Devices, or choose the CPU"
 
 
@@ -19,7 +18,7 @@ def gpu_is_enabled(context: bpy.types.Context) -> bool:
 
 
 def bakes_on_gpu(context: bpy.types.Context, device: str = AUTO) -> bool:
-    """Return whether a bake with a setting of `DEVICES` runs on a GPU.
+    """Return whether a bake on AUTO, CPU or GPU runs on a GPU.
 
     Raises SettingError if a GPU is asked for and none is enabled.
     """

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Declarations of settings, from which properties, arguments, checks and keys are derived."""
+"""Form of a setting's declaration, from which properties, panels, arguments, checks and keys are derived."""

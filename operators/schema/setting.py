@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Setting: the declaration of one value that users choose."""
+"""Setting: the declaration of one value that users choose, as the metadata of the field that holds it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 from typing import Any
 
 from ...patchnet_addon.runtime.bounds import Bounds
+from ...patchnet_addon.runtime.errors import SettingError
 
 
 class Kind(Enum):
-    """Type of a setting's value. AUTOMATIC: a number that is found where it is 0. SHARE: 0 to 1. PAIR: two numbers."""
+    """Type of a setting's value.
+
+    AUTOMATIC: a number that is found where it is 0. SHARE: 0 to 1. TEXT: names with commas between. PAIR: two numbers.
+    """
 
     NUMBER = "number"
     AUTOMATIC = "automatic"
@@ -37,30 +41,44 @@ class Effect(Enum):
     NEVER = "never"
 
 
+class Place(Enum):
+    """Panel of a setting. OWN: that of its stage. ADVANCED: a closed part of it. FIRST: the first panel of the tab."""
+
+    OWN = "own"
+    ADVANCED = "advanced"
+    FIRST = "first"
+    COMPARE = "compare"
+
+
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """Row of the table of settings.
+    """Declaration of a setting, a row of the table of settings.
 
-    name: of the property of scenes and operators. label, description: as the panel shows them. stage: of the job.
-    bounds: of a number. choices: (value, label, description) of a CHOICE. field_name: its flat name in `JobSettings`,
-    if that is another one. effect: on the result. counts: whether it matters beside the other values. argument: of the
-    command line, "" for none or for one that means something else, --no-NAME of a switch that is on; help, unit: of it.
-    widget: further options of the property. automatic: what 0 means, in two words, where a checkbox says so; first: the
-    number that the checkbox begins with, of a PAIR each side's.
+    label, description: as the panel shows them. stage: of the job. default: in jobs; shown: of the property, if that is
+    another one. name: of the property of scenes and operators, if it is not that of the field.
+    bounds: of a number. choices: (value, label, description) of a CHOICE. check: of a value that is not one of the
+    choices alone; raises SettingError. effect: on the result. counts: whether it matters beside the other values;
+    active: whether panels do not gray it out. place: in panels. argument: of the command line if it is not --NAME, ""
+    for none; --no-NAME too, of a switch that is on; help, unit: of it. widget: further options of the property.
+    automatic: what 0 or an empty text means, in two words; first: the number that a checkbox begins with, of a PAIR
+    each side's.
     """
 
-    name: str
     label: str
     description: str
     stage: str
     kind: Kind
     default: Any = None
     bounds: Bounds | None = None
+    shown: Any = None
+    name: str = ""
     choices: tuple[tuple[str, str, str], ...] = ()
-    field_name: str = ""
+    check: Callable[[Any], object] | None = None
     effect: Effect = Effect.ALWAYS
     counts: Callable[[Any], bool] = lambda _: True
-    argument: str = ""
+    active: Callable[[Any], bool] = lambda _: True
+    place: Place = Place.OWN
+    argument: str | None = None
     help: str = ""
     unit: str = ""
     widget: Mapping[str, Any] = field(default_factory=dict)
@@ -68,6 +86,47 @@ class Setting:
     first: Any = None
 
     @property
-    def job_field(self) -> str:
-        """Its flat name in `JobSettings`."""
-        return self.field_name or self.name
+    def flag(self) -> str:
+        """Argument of the command line, "" for none."""
+        return f"--{self.name.replace('_', '-')}" if self.argument is None else self.argument
+
+    def as_field(self, *, before: tuple[Setting, ...] = (), after: tuple[Setting, ...] = ()) -> Any:
+        """Field of a dataclass that holds the setting's value.
+
+        before, after: settings around it whose values the field's follows from; they have no fields.
+        """
+        rows = {_OWN: self, _ALL: (*before, self, *after)}
+        return field(default=self.default, repr=self.effect is not Effect.NEVER, metadata=rows)
+
+    def check_value(self, value: Any) -> None:
+        """Raise SettingError for a value outside bounds or choices; None is automatic."""
+        if self.check is not None:
+            self.check(value)
+        elif self.choices and value not in (known := [choice for choice, _, _ in self.choices]):
+            raise SettingError(f"{self.label} {value!r} is unknown: choose one of {', '.join(known)}")
+        elif self.bounds is not None and value is not None:
+            for number in value if self.kind is Kind.PAIR else (value,):
+                self.bounds.check(number)
+
+
+_OWN, _ALL = "setting", "settings"  # metadata of a field: its own setting, and those around it too
+
+
+def rows_of(group: type) -> Iterator[Setting]:
+    """Settings that the fields of a dataclass declare, in their order."""
+    for item in fields(group):
+        for row in item.metadata.get(_ALL, ()):
+            yield replace(row, name=row.name or item.name)
+
+
+def names_of(group: type) -> dict[str, str]:
+    """Fields of a dataclass by the names of their settings, others by their own."""
+    found = [(item.metadata.get(_OWN), item.name) for item in fields(group)]
+    return {name if row is None else row.name or name: name for row, name in found}
+
+
+def check_values(group: Any) -> None:
+    """Raise SettingError for a value of a dataclass outside the bounds or choices of its setting."""
+    for item in fields(group):
+        if _OWN in item.metadata:
+            item.metadata[_OWN].check_value(getattr(group, item.name))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ...patchnet_addon.runtime.quantities import counted
-from ..schema.table import CODES, LIGHT, OCTREE, SELECTED
+from ..schema.values import CODES, LIGHT, OCTREE, SELECTED
 from ..settings.job_settings import JobSettings
 from . import results
 from .octree_cache import found_on_disk

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...patchnet_addon.runtime.errors import SettingError
-from ..schema.table import COMBINED, CYCLES_TABLE, DIFFUSE
+from ...patchnet_addon.runtime import bounds
+from ..schema.setting import Kind, Setting, check_values
+from ..schema.values import COMBINED, DIFFUSE, REFINEMENT
 
 WITH_GLOSS = "with-gloss"  # light that DIFFUSE renders if voxels have gloss
 REFERENCE_FACTOR = 4  # samples of the reference per sample of the judged picture
@@ -17,20 +18,36 @@ REFERENCE_SEED = 1000  # that of the judged picture is 0
 class CyclesSettings:
     """Settings of a refinement by Cycles.
 
-    budget: share of the picture's pixels. samples: paths per pixel. light: DIFFUSE is diffuse light and emission, and
-    all light of metals and glass if the voxels have gloss; COMBINED is all light everywhere. compare: also render the
-    whole picture, and a reference of more samples with another seed, and measure.
+    light: DIFFUSE is diffuse light and emission, and all light of metals and glass if the voxels have gloss; COMBINED
+    is all light everywhere. compare: the reference has another seed.
     """
 
-    budget: float = CYCLES_TABLE["cycles_budget"].default
-    samples: int = CYCLES_TABLE["cycles_samples"].default
-    light: str = CYCLES_TABLE["cycles_light"].default
-    compare: bool = CYCLES_TABLE["cycles_compare"].default
+    budget: float = Setting(
+        "Cycles Pixels",
+        "Share of the pixels that Cycles renders, by priority; more lower the error and take longer",
+        REFINEMENT, Kind.SHARE, 0.2, bounds.CYCLES_BUDGET,
+        name="cycles_budget",
+    ).as_field()  # fmt: skip
+    samples: int = Setting(
+        "Cycles Samples", "Samples per pixel that Cycles renders; more reduce noise and take longer",
+        REFINEMENT, Kind.NUMBER, 64, bounds.CYCLES_SAMPLES,
+        name="cycles_samples",
+    ).as_field()  # fmt: skip
+    light: str = Setting(
+        "Passes", "Light in the pixels that Cycles renders", REFINEMENT, Kind.CHOICE, DIFFUSE,
+        name="cycles_light",
+        choices=(
+            (DIFFUSE, "Diffuse", "Diffuse light and emission, as the voxels around them do"),
+            (COMBINED, "Combined", "All light, gloss and glass too; pixels with gloss then stand out"),
+        ),
+    ).as_field()  # fmt: skip
+    compare: bool = Setting(
+        "Compare to Full",
+        "Also render the whole picture and a reference with four times the samples, and report time and error of both; "
+        "takes far longer",
+        REFINEMENT, Kind.SWITCH, False,
+        name="cycles_compare",
+    ).as_field()  # fmt: skip
 
     def __post_init__(self) -> None:
-        for name, value in {"cycles_budget": self.budget, "cycles_samples": self.samples}.items():
-            row = CYCLES_TABLE[name]
-            assert row.bounds is not None
-            row.bounds.check(value)
-        if self.light not in (DIFFUSE, COMBINED):
-            raise SettingError(f"Cycles renders {DIFFUSE} or {COMBINED} light, not {self.light!r}: choose one of them")
+        check_values(self)

@@ -9,7 +9,8 @@ from ...patchnet_addon.export.vdb import vdb_module_name
 from ...patchnet_addon.runtime.quantities import bytes_text, counted
 from ..jobs.job_operator import job_in_window
 from ..scene_access.images import PICTURES
-from ..schema.table import TABLE
+from ..schema.setting import Place
+from ..schema.values import JOB
 from ..session import results
 from ..session.scene_session import held, session_of
 from ..session.staleness import PERHAPS
@@ -35,11 +36,7 @@ class PATCHNET_PT_main(tab.Tab, bpy.types.Panel):
         """Draw the button, or progress in its place, so that the buttons below stay where they are."""
         layout = tab.split(self.layout)
         values = context.scene.patchnet
-        for name in tab.FIRST:
-            if TABLE[name].counts(values):
-                row = layout.row()
-                row.active = name != "budget" or not values.spp
-                tab.draw_setting(row, values, name)
+        tab.draw_settings(layout, values, *JOB, place=Place.FIRST)
         row = layout.row()
         row.scale_y = 1.5
         job = job_in_window()

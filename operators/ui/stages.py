@@ -8,7 +8,8 @@ import bpy
 from ...patchnet_addon.export.fine_light import fine_light_text
 from ...patchnet_addon.runtime.quantities import error_text
 from ...patchnet_addon.sampling.registry import STRATEGIES
-from ..schema.table import AUTO, CYCLES, GLOSS_OFF, VIEW
+from ..schema.setting import Place
+from ..schema.values import AUTO, CAMERAS, CODES, CYCLES, GLOSS_OFF, IMPORTANCE, LIGHT, OCTREE, OUTPUT, REFINEMENT, VIEW
 from ..session import results
 from ..session.scene_result import SceneResult
 from ..settings.job_settings import recorded
@@ -23,11 +24,11 @@ class PATCHNET_PT_octree(tab.SubPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings, the button, and why voxels are out of date."""
         layout = tab.split(self.layout)
-        tab.draw_settings(layout, context.scene.patchnet, "octree")
+        tab.draw_settings(layout, context.scene.patchnet, OCTREE)
         layout.operator("patchnet.voxelize", icon="MESH_GRID")
         layout.operator("patchnet.load_octree", icon="FILEBROWSER")
         tab.draw_stale(layout, context, "surface")
-        tab.draw_advanced(layout, context.scene.patchnet, "octree")
+        tab.draw_advanced(layout, context.scene.patchnet, OCTREE)
 
 
 class PATCHNET_PT_light(tab.SubPanel, bpy.types.Panel):
@@ -38,7 +39,7 @@ class PATCHNET_PT_light(tab.SubPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings, the button, where light is fine, and limits of the bake."""
         layout = tab.split(self.layout)
-        tab.draw_settings(layout, context.scene.patchnet, "light")
+        tab.draw_settings(layout, context.scene.patchnet, LIGHT)
         layout.operator("patchnet.bake_light", icon="LIGHT")
         tab.draw_stale(layout, context, "light")
         result = results.result_of(context.scene)
@@ -46,7 +47,7 @@ class PATCHNET_PT_light(tab.SubPanel, bpy.types.Panel):
             tab.draw_sentence(layout, context, text, "INFO")
         if context.scene.patchnet.light == CYCLES and context.scene.patchnet.gloss == GLOSS_OFF:
             tab.draw_sentence(layout, context, "Diffuse light only, no gloss", "INFO")
-        tab.draw_advanced(layout, context.scene.patchnet, "light")
+        tab.draw_advanced(layout, context.scene.patchnet, LIGHT)
 
 
 class PATCHNET_PT_animation(tab.Tab, bpy.types.Panel):
@@ -62,8 +63,9 @@ class PATCHNET_PT_animation(tab.Tab, bpy.types.Panel):
         column = layout.column(align=True)
         for name, text in (("frame_start", "Frame Start"), ("frame_end", "End"), ("frame_step", "Step")):
             column.prop(context.scene, name, text=text)
-        for name in ("skip_existing", "same_grid", "out"):
-            tab.draw_setting(layout, context.scene.patchnet, name)
+        for name in ("skip_existing", "same_grid"):
+            layout.prop(context.scene.patchnet, name)
+        tab.draw_setting(layout, context.scene.patchnet, "out")
         layout.operator("patchnet.bake_animation", icon="RENDER_ANIMATION")
 
 
@@ -75,7 +77,7 @@ class PATCHNET_PT_network(tab.SubPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings, the button, and the name of the encoder that made the codes."""
         layout = tab.split(self.layout)
-        tab.draw_settings(layout, context.scene.patchnet, "codes")
+        tab.draw_settings(layout, context.scene.patchnet, CODES)
         layout.operator("patchnet.precompute_codes", icon="NODETREE")
         result = results.result_of(context.scene)
         if result is None or result.coded is None:
@@ -136,17 +138,14 @@ class PATCHNET_PT_preview(tab.SubPanel, bpy.types.Panel):
         """Draw settings, the button, and advice on the picture."""
         layout = tab.split(self.layout)
         values = context.scene.patchnet
-        for name in ("cameras", "strategy", "unrefined"):
-            tab.draw_setting(layout, values, name)
-        tab.draw_samples(layout, values)
-        tab.draw_setting(layout, values, "out")
+        tab.draw_settings(layout, values, CAMERAS, VIEW, OUTPUT)
         layout.operator("patchnet.render_preview", icon="RENDER_STILL")
         tab.draw_stale(layout, context, "view")
         result = results.result_of(context.scene)
         if result is not None and result.pictures:
             for text in advice(result, values):
                 tab.draw_remedy(layout.box(), context, text, "LIGHT_DATA")
-        tab.draw_advanced(layout, values, "view")
+        tab.draw_advanced(layout, values, VIEW)
 
 
 class PATCHNET_PT_importance(tab.Tab, bpy.types.Panel):
@@ -159,7 +158,7 @@ class PATCHNET_PT_importance(tab.Tab, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the source, and its name."""
         layout = tab.split(self.layout)
-        tab.draw_settings(layout, context.scene.patchnet, "importance")
+        tab.draw_settings(layout, context.scene.patchnet, IMPORTANCE)
         if context.scene.patchnet.importance != "NONE":
             tab.draw_sentence(layout, context, "Black or weight 0 is never refined", "INFO")
 
@@ -177,7 +176,7 @@ class PATCHNET_PT_compare(tab.SubPanel, bpy.types.Panel):
         """Draw the button, and the table of the last comparison."""
         layout = tab.split(self.layout)
         layout.operator("patchnet.compare", icon="SORTSIZE")
-        tab.draw_setting(layout, context.scene.patchnet, "reference")
+        tab.draw_settings(layout, context.scene.patchnet, VIEW, place=Place.COMPARE)
         layout.prop(context.scene.patchnet, "strategy", text="Use Strategy")  # of all
         result = results.result_of(context.scene)
         if result is None or result.comparison is None:
@@ -213,6 +212,5 @@ class PATCHNET_PT_cycles_refine(tab.SubPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings, then the button."""
         layout = tab.split(self.layout)
-        for name in ("budget", "samples", "light", "compare"):
-            layout.prop(context.scene.patchnet, f"cycles_{name}")
+        tab.draw_settings(layout, context.scene.patchnet, REFINEMENT)
         layout.operator("patchnet.refine_with_cycles", icon="RENDER_STILL")

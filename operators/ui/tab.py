@@ -11,13 +11,13 @@ import bpy
 
 from ...patchnet_addon.runtime.quantities import counted
 from ..jobs.job_window import JobDisplay
-from ..schema.named import named_settings
-from ..schema.setting import Kind
-from ..schema.table import COMBINED, TABLE
+from ..schema.setting import Kind, Place
+from ..schema.values import CAMERAS, COMBINED
 from ..session import results
 from ..session.scene_result import SceneResult
 from ..session.staleness import look_soon
-from ..settings.job_settings import changed, step_settings
+from ..settings.job_settings import TABLE, changed, rows
+from ..settings.named import named_settings
 
 if TYPE_CHECKING:
 
@@ -26,14 +26,6 @@ if TYPE_CHECKING:
 else:
     PanelBase = object  # Blender requires its own class among the direct bases of each panel
 
-# Settings of the first panel; sub-panels have all others.
-FIRST = ("scope", "resolution", "depth", "voxel_size", "noise_threshold", "size", "budget")
-# Rarely changed settings, under Advanced in their sub-panels.
-ADVANCED = (
-    "shape", "memory", "cells", "device", "exposure", "color", "sides", "background", "heatmap_maximum",
-)  # fmt: skip
-# Placeholders of empty text settings.
-_WHEN_EMPTY = {"out": "No Files", "weights": "Shipped", "cameras": "Active Camera"}
 # Unscaled text in panels: size in points, width of tabs and frames of a region, and width of an icon.
 _POINTS, _MARGIN_PX, _ICON_PX = 11.0, 74.0, 20.0
 # How to update an outdated step, and the name of its settings.
@@ -91,39 +83,45 @@ def split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     return layout
 
 
-def draw_settings(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, step: str) -> None:
-    """Draw the settings of a step that have an effect now, except those of the first panel and of Advanced."""
-    for name in step_settings(values, step):
-        if name not in FIRST and name not in ADVANCED:
-            draw_setting(layout, values, name)
+def draw_settings(
+    layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, *stages: str, place: Place = Place.OWN
+) -> None:
+    """Draw the settings of some stages at a place in panels that have an effect now."""
+    for row in rows(*stages):
+        if row.place is place and row.counts(values):
+            draw_setting(layout, values, row.name)
 
 
-def draw_advanced(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, step: str) -> None:
-    """Draw the rarely changed settings of a step below a heading that is closed by default."""
-    header, body = layout.panel(f"PATCHNET_advanced_{step}", default_closed=True)
+def draw_advanced(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, stage: str) -> None:
+    """Draw the rarely changed settings of a stage below a heading that is closed by default."""
+    header, body = layout.panel(f"PATCHNET_advanced_{stage}", default_closed=True)
     header.label(text="Advanced")
     if body is not None:
-        for name in step_settings(values, step):
-            if name in ADVANCED:
-                draw_setting(split(body), values, name)
+        draw_settings(split(body), values, stage, place=Place.ADVANCED)
 
 
 def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, name: str) -> None:
-    """Draw a setting by its kind: a list of images, sides in pixels, a checkbox where 0 is automatic."""
+    """Draw a setting by its kind: a list of images, sides in pixels, a checkbox where 0 is automatic.
+
+    It is grayed out while another one takes its place.
+    """
+    row = TABLE[name]
+    if not row.active(values):
+        layout = layout.row()
+        layout.active = False
     if name == "importance_image":
         layout.prop_search(values, name, bpy.data, "images")
     elif name == "size":
-        column, empty = layout.column(align=True), TABLE[name].automatic if any(values.size) else "As Render"
+        column, empty = layout.column(align=True), row.automatic if any(values.size) else "As Render"
         draw_automatic(column, values, "size_x", "Picture Size X", empty)
         draw_automatic(column, values, "size_y", "Y", empty)
     elif name == "strategy":
         layout.prop(values, "short_strategy")
-    elif name in TABLE and (TABLE[name].kind is Kind.AUTOMATIC or name == "track_frames"):
-        draw_automatic(layout, values, name, TABLE[name].label, TABLE[name].automatic)
-    elif name == "cameras":
-        layout.prop(values, name, placeholder=_WHEN_EMPTY[name], icon="CAMERA_DATA")
+    elif row.kind in (Kind.AUTOMATIC, Kind.PAIR):
+        draw_automatic(layout, values, name, row.label, row.automatic)
     else:
-        layout.prop(values, name, placeholder=_WHEN_EMPTY.get(name, ""))
+        icon = "CAMERA_DATA" if row.stage == CAMERAS else "NONE"
+        layout.prop(values, name, placeholder=row.automatic, icon=icon)
 
 
 def draw_automatic(
@@ -136,14 +134,6 @@ def draw_automatic(
         row.prop(values, name, text="")
     else:
         row.label(text=automatic)
-
-
-def draw_samples(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> None:
-    """Draw how many samples pixels get; those of the budget are grayed out if a mean is set."""
-    row = layout.row()
-    row.active = not values.spp
-    draw_setting(row, values, "refined_samples")
-    draw_setting(layout, values, "spp")
 
 
 def draw_sentence(

@@ -24,7 +24,7 @@ from ..pipeline.lit_octree import OctreeOverrides, ReadSurface, choose_leaves, l
 from ..pipeline.reports import REPORT_NAME, machine, versions, write_report
 from ..scene.cameras import camera_size_px, looking_cameras
 from ..scene_access.images import save_png
-from ..schema.table import GLOSS_OFF
+from ..schema.values import GLOSS_OFF
 from ..settings.job_settings import JobSettings
 
 _COVERAGE_RAYS = 8

@@ -14,7 +14,7 @@ from patchnet.operators.cycles import scene_copy
 from patchnet.operators.pipeline.cycles_refine import OWN_SIDE, CyclesView, refine_view, wanted_pixels, wanted_surface
 from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.scene.cameras import choose_cameras
-from patchnet.operators.schema.table import COMBINED
+from patchnet.operators.schema.values import COMBINED
 from patchnet.operators.session import results
 from patchnet.operators.settings.cycles_settings import CyclesSettings
 from patchnet.operators.settings.job_settings import JobSettings

@@ -13,7 +13,7 @@ import pytest
 from patchnet.docs import make_commands, make_operators, make_walkthroughs
 from patchnet.operators import ui
 from patchnet.operators.overlay.panel import PATCHNET_PT_overlay
-from patchnet.operators.schema.table import TABLE
+from patchnet.operators.settings.job_settings import TABLE
 from patchnet.operators.ui import presets_menu
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import build

@@ -17,12 +17,11 @@ from patchnet.operators.pipeline import lit_octree
 from patchnet.operators.render_engine.coarse_light import COARSE
 from patchnet.operators.render_engine.viewport import Viewport
 from patchnet.operators.run_all import PATCHNET_OT_run_all
-from patchnet.operators.schema.table import TABLE
 from patchnet.operators.session import octree_cache, results
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.operators.session.scene_session import session_of
 from patchnet.operators.session.shown_view import HEATMAP, REFINED
-from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.operators.settings.job_settings import TABLE, JobSettings
 from patchnet.operators.ui.main import PATCHNET_PT_main
 from patchnet.operators.ui.stages import PATCHNET_PT_light
 from patchnet.patchnet_addon.export.fine_light import FINE_LIGHT, LIGHT_NOISE

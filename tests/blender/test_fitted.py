@@ -82,6 +82,6 @@ def test_a_camera_that_stands_still_is_one_view(scene: bpy.types.Scene) -> None:
 
 
 def test_a_small_memory_limit_is_said(scene: bpy.types.Scene, weights: Path) -> None:
-    settings = JobSettings.of(light="two-lights", size=SIZE, weights=weights, memory_bytes=3_000_000)
+    settings = JobSettings.of(light="two-lights", size=SIZE, weights=weights, memory=3_000_000 / 2**30)
     result = drain(run_job(bpy.context, settings))
     assert any("will have look-ahead" in warning for warning in result.warnings)

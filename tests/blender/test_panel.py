@@ -10,12 +10,13 @@ import blf  # isort: skip  (there once bpy is)
 import pytest
 
 from patchnet.operators.overlay.panel import _draw_how_to_see
-from patchnet.operators.schema.named import named_settings, with_flags
+from patchnet.operators.schema.setting import Place
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import Comparison, Row, SceneResult
 from patchnet.operators.session.scene_session import session_of
 from patchnet.operators.session.staleness import look_again
-from patchnet.operators.settings.job_settings import recorded
+from patchnet.operators.settings.job_settings import TABLE, recorded
+from patchnet.operators.settings.named import named_settings, with_flags
 from patchnet.operators.ui import tab
 from patchnet.operators.ui.main import PATCHNET_PT_main, PATCHNET_PT_statistics
 from patchnet.operators.ui.stages import (
@@ -25,7 +26,6 @@ from patchnet.operators.ui.stages import (
     PATCHNET_PT_preview,
     advice,
 )
-from patchnet.operators.ui.tab import FIRST
 from patchnet.patchnet_addon.runtime.quantities import error_text
 from patchnet.patchnet_addon.sampling.registry import FOR_USERS
 from patchnet.tests.blender.drawn import Layout, drawn, everything, small_preview
@@ -53,7 +53,8 @@ def test_first_panel_has_five_settings(scene: bpy.types.Scene) -> None:
     assert shown() == ["scope", "resolution", "noise_threshold", "use_size_x", "size_x", "use_size_y", "budget"]
     scene.patchnet.resolution, scene.patchnet.light = "DEPTH", "two-lights"
     assert shown() == ["scope", "resolution", "depth", "use_size_x", "size_x", "use_size_y", "budget"]
-    assert not set(FIRST[:-2]) & {text for item in (PATCHNET_PT_octree, PATCHNET_PT_preview) for text in drawn(item)}
+    first = {row.name for row in TABLE.values() if row.place is Place.FIRST} - {"size", "budget"}
+    assert not first & {text for item in (PATCHNET_PT_octree, PATCHNET_PT_preview) for text in drawn(item)}
 
 
 def test_what_is_automatic_is_said_in_words(scene: bpy.types.Scene) -> None:

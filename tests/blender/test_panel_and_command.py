@@ -14,8 +14,8 @@ from patchnet.operators.properties.job import scene_settings
 from patchnet.operators.properties.preferences import PatchNetPreferences
 from patchnet.operators.properties.stages import DerivedProperties
 from patchnet.operators.render_engine.panels import PATCHNET_PT_render_refinement
-from patchnet.operators.schema.table import TABLE
 from patchnet.operators.settings.groups import SurfaceSettings, ViewSettings
+from patchnet.operators.settings.job_settings import TABLE
 from patchnet.operators.ui.presets_menu import PATCHNET_PT_presets
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.blender.drawn import drawn
@@ -106,7 +106,7 @@ def test_defaults_are_the_same() -> None:
     given = job_settings(parser().parse_args(["scene.blend"]), Path("out"))
     assert given.view.size == (192, 192)  # square pictures, while the panel's follow the render's aspect
     scene = scene_settings(bpy.context.scene).changed(budget=ViewSettings.budget)
-    assert given.compute.torch_device == scene.compute.torch_device == "auto"
+    assert given.network.torch_device == scene.network.torch_device == "auto"
     assert given.changed(size=scene.view.size, out=None, network_device="AUTO") == scene
 
 
@@ -114,7 +114,7 @@ def test_settings_that_arguments_give() -> None:
     def given(*words: str) -> object:
         return job_settings(parser().parse_args(["scene.blend", *words]), Path("out"))
 
-    assert given("--bake-device", "gpu").compute.device == "GPU" and given().compute.device == "AUTO"
+    assert given("--bake-device", "gpu").light.device == "GPU" and given().light.device == "AUTO"
     assert given("--no-color").light.color is False and given("--color").light.color is given().light.color is True
     assert given().surface == given("--depth", "auto").surface == SurfaceSettings()
     assert given("--depth", "7").surface.depth == 7 and given("--voxel-size", "2").surface.voxel_size_world == 2.0
@@ -122,7 +122,7 @@ def test_settings_that_arguments_give() -> None:
         given("--depth", "fit")
     resolution = bpy.context.scene.patchnet.bl_rna.properties["resolution"]
     assert set(resolution.enum_items.keys()) == {"AUTO", "DEPTH", "VOXEL_SIZE"} and resolution.default == "AUTO"
-    assert given("--memory", "4").compute.memory_bytes == 4 * 2**30
+    assert given("--memory", "4").surface.memory_bytes == 4 * 2**30
     assert given("--mask-image", "Mask").view.importance.image == "Mask"
     assert given("--mask-group", "Head").view.importance.vertex_group == "Head"
     with pytest.raises(SettingError, match="Importance needs one source"):

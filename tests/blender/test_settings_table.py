@@ -7,36 +7,36 @@ import bpy
 import pytest
 
 from patchnet.operators.pipeline.voxels_key import surface_key
-from patchnet.operators.schema.setting import Effect
-from patchnet.operators.schema.table import CODES, LIGHT, OCTREE, rows
+from patchnet.operators.schema.setting import Effect, Kind, Setting
+from patchnet.operators.schema.values import CODES, LIGHT, OCTREE
 from patchnet.operators.settings.cycles_settings import CyclesSettings
-from patchnet.operators.settings.groups import ComputeSettings, LightSettings, SurfaceSettings, ViewSettings
-from patchnet.operators.settings.job_settings import JobSettings, recorded
+from patchnet.operators.settings.groups import LightSettings, NetworkSettings, SurfaceSettings, ViewSettings
+from patchnet.operators.settings.job_settings import SETTING_PATHS, JobSettings, recorded, rows
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.blender.job_scene import build
 
 pytestmark = pytest.mark.usefixtures("registered")
 
-OTHER = {
-    "scope": "SELECTED", "depth": 5, "voxel_size_world": 0.1, "memory_bytes": 2**30, "light": "two-lights",
-    "noise_threshold": 0.1, "max_samples": 3, "cells": "everywhere", "exposure": 2.0, "color": False,
-    "weights": Path("other"), "gloss": "off", "denoise": False, "sides": "one", "shape": "boxes",
-}  # fmt: skip
+KEYED = [row for row in rows(OCTREE, LIGHT, CODES) if row.effect is not Effect.NEVER and row.name in SETTING_PATHS]
 
 
-@pytest.mark.parametrize("field", OTHER)
-def test_renders_that_differ_in_a_setting_share_no_voxels(field: str) -> None:
+def other(row: Setting) -> object:
+    """Another value of a setting than its default."""
+    if row.kind is Kind.CHOICE:
+        return [value for value, _, _ in row.choices if value not in (row.default, row.shown)][-1]
+    if row.kind is Kind.SWITCH:
+        return not row.default
+    return {Kind.FILE: Path("other"), Kind.PAIR: (1, 2)}.get(row.kind, 2 * (row.default or 1))
+
+
+@pytest.mark.parametrize("row", KEYED, ids=lambda row: row.name)
+def test_renders_that_differ_in_a_setting_share_no_voxels(row: Setting) -> None:
     build()
     for item in bpy.context.scene.objects:
         item.select_set(True)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     settings = JobSettings()
-    assert surface_key(depsgraph, settings.changed(**{field: OTHER[field]})) != surface_key(depsgraph, settings)
-
-
-def test_every_setting_of_the_octree_is_tried() -> None:
-    known = {row.job_field for row in rows(OCTREE, LIGHT, CODES) if row.effect is not Effect.NEVER}
-    assert known == {*OTHER, "track", "track_frames"}, "a new setting gets another value here"
+    assert surface_key(depsgraph, settings.changed(**{row.name: other(row)})) != surface_key(depsgraph, settings)
 
 
 def test_devices_change_no_key() -> None:
@@ -55,24 +55,24 @@ def test_devices_change_no_key() -> None:
         (SurfaceSettings, {"depth": 99}, "Depth 99 is outside"),
         (SurfaceSettings, {"track": True, "depth": 7}, "can follow a track"),
         (SurfaceSettings, {"track": True, "voxel_size_world": 0.1}, "can follow a track"),
-        (LightSettings, {"kind": "moon"}, "There is no light 'moon': choose cycles or two-lights"),
+        (LightSettings, {"kind": "moon"}, "Light 'moon' is unknown: choose one of cycles, two-lights"),
         (LightSettings, {"max_samples": 0}, "Max samples of baked light 0 is outside"),
         (LightSettings, {"cells": "all"}, "choose one of seen, everywhere"),
         (LightSettings, {"gloss": "sideways"}, "auto, off, above, camera"),
         (CyclesSettings, {"budget": 1.5}, "is outside"),
         (CyclesSettings, {"samples": 0}, "is outside"),
-        (CyclesSettings, {"light": "glossy"}, "not 'glossy': choose one"),
+        (CyclesSettings, {"light": "glossy"}, "'glossy' is unknown: choose one"),
         (ViewSettings, {"strategy": "guess"}, "guess"),
         (ViewSettings, {"size": (4, -1)}, "-1 is outside"),
         (ViewSettings, {"spp": 1025.0}, "Samples per pixel 1025.0 is outside"),
         (ViewSettings, {"unrefined": "guessed"}, "choose one of preview, predicted"),
         (ViewSettings, {"colormap": "gray"}, "There is no color map 'gray'"),
         (
-            ComputeSettings,
-            {"network_device": "TPU"},
+            NetworkSettings,
+            {"device": "TPU"},
             r"The network's device \(Network Device\) 'tpu' is unknown: choose auto, cpu, cuda",
         ),
-        (ComputeSettings, {"memory_bytes": 1}, "is outside"),
+        (SurfaceSettings, {"memory": 1e-9}, "is outside"),
         (
             JobSettings,
             {"view": ViewSettings(cycles=CyclesSettings()), "light": LightSettings(kind="two-lights")},

@@ -17,7 +17,7 @@ from typing import Any
 
 from ...commands import add_log_format
 from ...commands.shared.arguments import add_device, add_number
-from ...commands.shared.job_arguments import add_settings, require_blender
+from ...commands.shared.job_arguments import add_setting, require_blender
 from ...commands.shared.views import add_views
 from ...patchnet_addon.network.encoders import MLP
 from ...patchnet_addon.runtime import bounds
@@ -140,6 +140,8 @@ def _preview(parser: argparse.ArgumentParser) -> None:
 
 
 def _walk(parser: argparse.ArgumentParser) -> None:
+    from ...operators.settings.job_settings import TABLE
+
     parser.add_argument(
         "--scene", default="room",
         help="room; demo: the courtyard; sponza and other names of the catalogue, in PATCHNET_SCENES; or a scene file "
@@ -148,7 +150,7 @@ def _walk(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--frames", lab_bounds.TRACK_FRAMES, "frames of the walk", 250)
     add_number(parser, "--size", bounds.VIEW_PX, "pixels of each", (320, 180))
     parser.add_argument("--depth", default="auto", help="octree depth; auto: fine only where the cameras look (auto)")
-    add_settings(parser, "max_samples")
+    add_setting(parser, TABLE["max_samples"])
     add_number(parser, "--timed", lab_bounds.REPEATS, "frames of PatchNet that are timed", 3)
     add_number(parser, "--cycles-timed", lab_bounds.REPEATS, "frames of Cycles that are timed", 1)
     text = "samples per pixel of Cycles' frames"

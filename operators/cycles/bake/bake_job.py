@@ -14,7 +14,7 @@ from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import computed, run_in_worker
 from ....patchnet_addon.tracing.camera import Camera
 from ...scene.scene_mesh import SceneMesh
-from ...schema.table import AUTO, SEEN_CELLS
+from ...schema.values import AUTO, SEEN_CELLS
 from ...settings.groups import LightSettings
 from .baked_colors import ColoredLeaves, color_is_baked, colored_leaves
 from .one_sided import one_sided_materials
@@ -38,7 +38,7 @@ class BakeJob:
     clipped: the surface in its leaves. cameras: those that decide which light cells are fine; without any, all are.
     lookahead: levels, of the weights in use. light: `max_samples` and `noise_threshold` bound the paths of a surfel,
     `denoise` filters light over cells, `color` keeps its colour, `gloss` selects the materials whose reflections are
-    baked, `daylight` replaces the scene's world by our sun and sky. device: one of `DEVICES`; automatic is a GPU if the
+    baked, `daylight` replaces the scene's world by our sun and sky. device: AUTO, CPU or GPU; automatic is a GPU if the
     preferences of Cycles enable one. state: identity of the scene's state, under which surfels are kept on disk; "" for
     none.
     """

@@ -24,7 +24,7 @@ from ...scene.scene_mesh import SceneMesh
 from ...scene_access.devices import bakes_on_gpu
 from ...scene_access.temporary import temporary
 from ...scene_access.window_job import window_is_alive
-from ...schema.table import AUTO
+from ...schema.values import AUTO
 from ...settings.groups import LightSettings
 from .bake_call import BakeTarget, bake_as_job, bake_now
 from .bake_materials import bake_materials
@@ -76,7 +76,7 @@ class SurfelBaker:
         *,
         device: str = AUTO,
     ) -> None:
-        """Prepare for `device`, one of `DEVICES`; raises SettingError for a GPU that is not there.
+        """Prepare for `device`, AUTO, CPU or GPU; raises SettingError for a GPU that is not there.
 
         side_world: of the octree's cube.
         """

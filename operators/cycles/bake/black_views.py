@@ -14,7 +14,7 @@ from ....patchnet_addon.runtime.progress import drain
 from ....patchnet_addon.runtime.quantities import named_list
 from ....patchnet_addon.surface.mesh import Fragments, ShadingFn
 from ...scene.scene_mesh import SceneMesh
-from ...schema.table import GLOSS_OFF
+from ...schema.values import GLOSS_OFF
 
 if TYPE_CHECKING:
     from ....patchnet_addon.light.light_cells import LightCells

@@ -19,7 +19,7 @@ from ....operators.cycles.scene_copy import looking_through
 from ....operators.pipeline.lit_octree import OctreeOverrides, build_lit_octree
 from ....operators.scene_access.overrides import changed
 from ....operators.scene_access.temporary import scene_copy
-from ....operators.schema.table import VISIBLE
+from ....operators.schema.values import VISIBLE
 from ....operators.session import results
 from ....operators.session.keep import keep
 from ....operators.session.scene_result import SceneResult

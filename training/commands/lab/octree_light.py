@@ -20,7 +20,7 @@ from ....operators.scene.read import read_scene
 from ....operators.scene_access.blender_version import tree_in_use
 from ....operators.scene_access.overrides import changed, put_back_when_saved
 from ....operators.scene_access.temporary import temporary
-from ....operators.schema.table import TWO_LIGHTS
+from ....operators.schema.values import TWO_LIGHTS
 from ....patchnet_addon.octree.grid import Grid
 from ....patchnet_addon.octree.octree import Octree
 from ....patchnet_addon.runtime.errors import SceneError

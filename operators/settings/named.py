@@ -9,13 +9,14 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from .setting import Kind, Setting
-from .table import TABLE
+from ..schema.setting import Kind, Setting
+from ..schema.values import JOB, RENDERS
+from .job_settings import rows
 
 _VALUES = {Kind.SWITCH: ((True, "On", ""), (False, "Off", ""))}
 _NAMED: dict[str, tuple[Setting, Any]] = {
     f"{row.label}: {label}": (row, value)
-    for row in TABLE.values()
+    for row in rows(*JOB, RENDERS)
     for value, label, _ in row.choices or _VALUES.get(row.kind, ())
 }
 _WORDS = re.compile("|".join(re.escape(words) for words in sorted(_NAMED, key=len, reverse=True)))
@@ -31,10 +32,9 @@ def with_flags(text: str) -> str:
 
     def flagged(match: re.Match[str]) -> str:
         row, value = _NAMED[match[0]]
-        argument = row.argument or ("--strategy" if row.name == "strategy" else "")
-        switch = argument if value else f"--no-{argument[2:]}"
-        flag = switch if row.kind is Kind.SWITCH else f"{argument} {value}"
-        return f"{match[0]} ({flag})" if argument else match[0]
+        switch = row.flag if value else f"--no-{row.flag[2:]}"
+        flag = switch if row.kind is Kind.SWITCH else f"{row.flag} {value}"
+        return f"{match[0]} ({flag})" if row.flag else match[0]
 
     # --device means more than the row.
     return _WORDS.sub(flagged, text).replace("(Network Device)", "(Network Device, --device)")
