@@ -25,9 +25,11 @@ class Importance:
             raise SettingError("Importance needs one source: choose an image or a vertex group")
 
     @property
-    def kind(self) -> str:
-        """Choice of the panel: IMAGE or VERTEX_GROUP."""
-        return VERTEX_GROUP if self.vertex_group else IMAGE
+    def choice(self) -> dict[str, str]:
+        """Settings of a scene that choose it."""
+        if self.vertex_group:
+            return {"importance": VERTEX_GROUP, "importance_group": self.vertex_group}
+        return {"importance": IMAGE, "importance_image": self.image}
 
     @classmethod
     def chosen(cls, kind: str, image: str, vertex_group: str) -> Importance | None:

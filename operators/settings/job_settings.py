@@ -10,17 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime.errors import SettingError
 from ..schema.setting import Effect, Kind, Setting, names_of, rows_of
-from ..schema.values import (
-    CAMERAS,
-    CYCLES,
-    EXACT_SHAPE,
-    IMPORTANCE,
-    LIGHT,
-    NOTHING,
-    OCTREE,
-    OUTPUT,
-    VIEW,
-)
+from ..schema.values import CAMERAS, CYCLES, EXACT_SHAPE, IMPORTANCE, LIGHT, NOTHING, OCTREE, OUTPUT, VIEW
 from .cycles_settings import CyclesSettings
 from .groups import LightSettings, NetworkSettings, SurfaceSettings, ViewSettings
 
@@ -120,9 +110,7 @@ class JobSettings:
             for name, (group, field_name) in SETTING_PATHS.items()
         }
         painted = self.view.importance
-        found |= {"resolution": self.surface.resolution, "importance": NOTHING if painted is None else painted.kind}
-        if painted is not None:
-            found |= {"importance_image": painted.image, "importance_group": painted.vertex_group}
+        found |= {"resolution": self.surface.resolution, "importance": NOTHING} | (painted.choice if painted else {})
         return SimpleNamespace(**found)
 
     @property

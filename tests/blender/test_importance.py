@@ -82,6 +82,9 @@ def test_weights_are_interpolated_and_go_with_the_object(weights: Path) -> None:
         light="two-lights", weights=weights, scope="SELECTED", importance=Importance(vertex_group="Matters"), **SMALL
     )
     result = drain(run_job(bpy.context, settings))
+    said = result.report["settings"]
+    assert (said["importance"], said["importance_group"]) == ("VERTEX_GROUP", "Matters") and "spp" in said
+    assert said["size"] == [WIDTH, HEIGHT] and "importance_image" not in said
     buffers, grid = result.views[0].buffers, result.coded.octree.grid
     hit = np.flatnonzero(buffers.hit)
     sides = np.exp2(-buffers.hits.level[hit].astype(float))[:, None]

@@ -27,7 +27,6 @@ pytestmark = pytest.mark.usefixtures("registered")
 OF_ARGUMENT = {
     "--depth": {"resolution", "depth"},
     "--size": {"size_x", "size_y"},
-    "--device": {"network_device"},
     "--mask-image": {"importance", "importance_image"},
     "--mask-group": {"importance", "importance_group"},
     "--frames": {"frame_start", "frame_end", "frame_step"},  # the scene's own
@@ -56,7 +55,7 @@ def arguments() -> set[str]:
 
 def properties_of(argument: str) -> set[str]:
     """Properties of the panel that an argument sets."""
-    by_table = {row.argument: row.name for row in TABLE.values() if row.argument}
+    by_table = {row.flag: row.name for row in TABLE.values() if row.flag}
     name = by_table.get(argument, argument.removeprefix("--").replace("-", "_"))
     return OF_ARGUMENT.get(argument, {name})
 
