@@ -3,11 +3,11 @@
 
 A plate thinner than a voxel has a lit and a dark side, a crease two walls, and a voxel of several layers shows the
 outermost one. So such a node has, for each of its six faces (`surface/sides.py`), the luminance of the surface that
-points to it, and its visible share. Along a direction d its luminance is the mean of the three faces that d meets,
-weighted by their shares and by |d| on their axis. Some faces show fronts of triangles, others backs; a ray sees one
-side of a sheet, so only the kind of larger weight counts. The rest of an inner node's faces is open; the mean of the
-node approximates the surface behind it. A leaf has no such rest, since rays hit it at its box. All other nodes use
-their mean.
+points to it, and its visible share. Along a direction d its luminance is the mean of the three faces that d runs
+against, weighted by their shares and by |d| on their axis. Some faces show fronts of triangles, others backs; a ray
+sees one side of a sheet, so only the kind of larger weight counts. The rest of an inner node's faces is open; the mean
+of the node approximates the surface behind it. A leaf has no such rest, since rays hit it at its box. All other nodes
+use their mean.
 
 Light above white is the excess over the clamp of luminance to [0, 1], for the few nodes that have it (methods 7.1b).
 Network, priorities and errors use the clamped luminance; a render adds the excess, so that lamps and sunlit walls keep

@@ -8,9 +8,7 @@ import pytest
 
 from patchnet.patchnet_addon.light.seen_cells import SeenCells, all_cells, cells_of
 from patchnet.patchnet_addon.light.surfels import (
-    BACK,
     COARSE,
-    FRONT,
     MOST_SHEETS,
     SURFEL,
     choose_surfels,
@@ -24,6 +22,7 @@ from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import limit_threads
 from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
+from patchnet.patchnet_addon.surface.sides import BACK, FRONT
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.tests.references.clip import parts_of
 from patchnet.tests.references.surfels import face_reference, surfels_reference
