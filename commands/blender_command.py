@@ -38,7 +38,6 @@ def unregister() -> None:
 
 def execute(words: Sequence[str]) -> int:
     """Run a sub-command with the arguments after `--command patchnet`."""
-    import sys
     import traceback
 
     import bpy
@@ -55,7 +54,7 @@ def execute(words: Sequence[str]) -> int:
         apply_preferences(bpy.context)
         level = preferences(bpy.context).log_level
         code = main([_blender_path(word) for word in words], names=NAMES, program=PROGRAM, level=level)
-        sys.stdout.flush()
+        print(end="", flush=True)
         return code
     except PatchNetError as error:
         say_error(f"error: {error}", EXIT_ERROR)
