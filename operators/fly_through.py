@@ -73,13 +73,15 @@ def _render_film() -> float | None:
     """Start Blender's render of the frames once the operator has ended; the scene has its engine back after it."""
     from .render_engine.fly_through import frames_by_engine
 
-    if job_in_window().title or job_is_running(RENDER):
+    if job_is_running(RENDER):
         return _POLL_S
     unregister()
     film = _film()
     scene = next((item for item in bpy.data.scenes if item.session_uid == film.scene), None)
     if scene is None:
         return None
+    if job_in_window().title:
+        return _POLL_S
     film.scene = 0
     film.changed.enter_context(frames_by_engine(scene, film.frames))
     bpy.ops.render.render("INVOKE_DEFAULT", animation=True, scene=scene.name)
