@@ -203,7 +203,7 @@ def test_kernel_equals_the_plain_twin(wrap: str, threshold: float | None, depth:
     levels = [chains.texels[start : start + h * w].reshape(h, w, 2).astype(float) for start, h, w in chains.levels]
     areas, _ = triangle_areas_and_normals(batch.corners_world)
     (fragments,) = clip_batch(batch, grid, areas, grid.depth)
-    luminance, opacity = albedo_shade(mesh)(batch, fragments)
+    luminance, opacity, *_ = albedo_shade(mesh)(batch, fragments)
     chosen = rng.permutation(np.flatnonzero(fragments.area_world > 1e-9))[:120]
     cells = morton_decode(fragments.keys)
     for index in chosen:

@@ -107,7 +107,7 @@ def test_colour_and_opacity_laid_out_differently() -> None:
         both = square(Material("Both", WHITE, base, alpha_texture=alpha, alpha_threshold=threshold))
         batch, fragments = pieces(both, 4)
         values, opacity, *_ = albedo_shade(both)(batch, fragments)
-        color, _, *_ = albedo_shade(square(Material("Colour", WHITE, base)))(batch, fragments)
+        color, *_ = albedo_shade(square(Material("Colour", WHITE, base)))(batch, fragments)
         cut = square(Material("Opacity", alpha_texture=alpha, alpha_threshold=threshold))
         np.testing.assert_array_equal(values, color)
         np.testing.assert_array_equal(opacity, albedo_shade(cut)(batch, fragments).opacity)
@@ -130,7 +130,7 @@ def test_two_lights() -> None:
         cosine = abs(normal @ direction) / np.linalg.norm(normal) / np.linalg.norm(direction)
         assert values[triangle] == pytest.approx(albedo * cosine + 0.1, rel=1e-5)
     assert (opacity == 1).all() and values.dtype == np.float32
-    turned, _, *_ = two_lights_shade(mesh, tuple(-direction))(next(mesh.batches()), fragments)
+    turned, *_ = two_lights_shade(mesh, tuple(-direction))(next(mesh.batches()), fragments)
     np.testing.assert_array_equal(turned, values)
     with pytest.raises(SettingError, match="direction"):
         two_lights_shade(mesh, (0.0, 0.0, 0.0))
@@ -153,10 +153,7 @@ def looked_up(uvs: np.ndarray, wrap: str, threshold: float | None, transform: tu
     material = Material("m", (1.0, 1.0, 1.0), base_texture=base, alpha_texture=alpha, alpha_threshold=threshold)
     mesh = TriangleMesh((TriangleBatch(CORNERS, uvs.astype(np.float32)[None], np.zeros(1, np.int32), 0),), (material,))
     leaves = leaves_of(mesh, Grid((0.0, 0.0, 0.0), 1.0, 4), albedo_shade(mesh))
-    return tuple(
-        float(sum(column.sum() for column in columns))
-        for columns in zip(*(part.sums[:2] for part in leaves), strict=True)
-    )
+    return tuple(float(sum(getattr(part.sums, name).sum() for part in leaves)) for name in ("area", "light"))
 
 
 @pytest.mark.parametrize(
