@@ -128,7 +128,9 @@ class PaintedSurface:
         if found is None:
             return 0.0
         corners = self._triangles[index]
-        return float(np.dot(poly_3d_calc(self._points[corners].tolist(), found), self._weights[corners]))
+        # float32, whose sum is nearly 1; NaN where all corners are one point.
+        shares = np.nan_to_num(poly_3d_calc(self._points[corners].tolist(), found), nan=1.0)
+        return float(np.average(self._weights[corners], weights=shares))
 
 
 def vertex_group_weights(surface: PaintedSurface, grid: Grid, buffers: PixelBuffers) -> Steps[np.ndarray]:
