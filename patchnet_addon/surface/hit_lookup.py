@@ -9,7 +9,7 @@ import numpy as np
 
 from ..runtime.kernels import device
 from .hit_textures import DETAIL, MATERIAL_OF, TOP, U, V
-from .texels import MipChain, mip_level, on_texture, wrapped
+from .texels import MipChain, mip_level, on_texture, texels_around
 from .textures import BLACK, LEAST_BASE, MIRROR, REPEAT
 
 
@@ -71,18 +71,13 @@ def _mean(textures, k, s, r, level, threshold):
 @device
 def _bilinear(texels, level, u, v):
     """Opacity times colour, and opacity, at (u, v) in units of the texture."""
-    x, y = u * level.width - 0.5, v * level.height - 0.5
-    left, low = math.floor(x), math.floor(y)
-    columns = wrapped(int(left), level.width, level.wrap), wrapped(int(left) + 1, level.width, level.wrap)
-    rows = wrapped(int(low), level.height, level.wrap), wrapped(int(low) + 1, level.height, level.wrap)
-    x, y = x - left, y - low
     red = green = blue = opacity = 0.0
+    around, weights = texels_around(level, u, v)
     for corner in range(4):
-        row, column = rows[corner >> 1], columns[corner & 1]
-        weight = (y if corner >> 1 else 1.0 - y) * (x if corner & 1 else 1.0 - x)
+        index, weight = around[corner], weights[corner]
         texel = np.int64(255 << 24) if level.wrap == BLACK else np.int64(0)
-        if row >= 0 and column >= 0:
-            texel = np.int64(texels[level.offset + row * level.width + column])
+        if index >= 0:
+            texel = np.int64(texels[index])
         r, g, b = texel & 255, texel >> 8 & 255, texel >> 16 & 255
         red += weight * (r * r)
         green += weight * (g * g)

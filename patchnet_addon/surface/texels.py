@@ -70,29 +70,43 @@ def mip_level(levels, chain, step):
 
 
 @device
+def texels_around(level, u, v):
+    """Indices of the four texels around (u, v), -1 beyond a border, and their bilinear weights."""
+    x, y = u * level.width - 0.5, v * level.height - 0.5
+    left, low = math.floor(x), math.floor(y)
+    x, y = x - left, y - low
+    west = wrapped(int(left), level.width, level.wrap)
+    east = wrapped(int(left) + 1, level.width, level.wrap)
+    south = _row(wrapped(int(low), level.height, level.wrap), level)
+    north = _row(wrapped(int(low) + 1, level.height, level.wrap), level)
+    texels = _texel(south, west), _texel(south, east), _texel(north, west), _texel(north, east)
+    return texels, ((1.0 - y) * (1.0 - x), (1.0 - y) * x, y * (1.0 - x), y * x)
+
+
+@device
+def _row(row, level):
+    """Index of the first texel of a row, -1 for none."""
+    return level.offset + row * level.width if row >= 0 else -1
+
+
+@device
+def _texel(first, column):
+    """Index of a texel in a row, -1 for none."""
+    return first + column if first >= 0 and column >= 0 else -1
+
+
+@device
 def bilinear(texels, level, u, v):
     """Opacity * luminance, and opacity, at (u, v) in units of the texture."""
-    x = u * level.width - 0.5
-    y = v * level.height - 0.5
-    left = math.floor(x)
-    low = math.floor(y)
-    fx = x - left
-    fy = y - low
-    premultiplied = 0.0
-    opacity = 0.0
-    for dy in range(2):
-        row = wrapped(int(low) + dy, level.height, level.wrap)
-        weight_y = fy if dy else 1.0 - fy
-        for dx in range(2):
-            column = wrapped(int(left) + dx, level.width, level.wrap)
-            weight = weight_y * (fx if dx else 1.0 - fx)
-            if row < 0 or column < 0:
-                if level.wrap == BLACK:
-                    opacity += weight
-                continue
-            texel = level.offset + row * level.width + column
+    premultiplied = opacity = 0.0
+    around, weights = texels_around(level, u, v)
+    for corner in range(4):
+        texel, weight = around[corner], weights[corner]
+        if texel >= 0:
             premultiplied += weight * texels[texel, 0]
             opacity += weight * texels[texel, 1]
+        elif level.wrap == BLACK:
+            opacity += weight
     return premultiplied, opacity
 
 

@@ -18,7 +18,7 @@ from .chroma import BLUE, GREEN, RED
 from .footprint import ROWS, footprint_means, piece_on_texture
 from .mesh import FragmentArrays, Fragments, TriangleArrays, TriangleBatch
 from .polygon import COLUMNS
-from .texels import MipChain, bilinear, cut, mip_level, on_texture, wrapped
+from .texels import MipChain, bilinear, cut, mip_level, on_texture, texels_around
 from .textures import LEAST_BASE, LEVEL_BIAS, MaterialTable, MipChains, TextureTable
 
 
@@ -191,22 +191,11 @@ def base_of_fragments(colors: BaseColors, batch: TriangleBatch, fragments: Fragm
 @device
 def _bilinear(colors, level, u, v):
     """Opacity * red, green, blue at (u, v) in units of the texture."""
-    x = u * level.width - 0.5
-    y = v * level.height - 0.5
-    left = math.floor(x)
-    low = math.floor(y)
-    red = 0.0
-    green = 0.0
-    blue = 0.0
-    for dy in range(2):
-        row = wrapped(int(low) + dy, level.height, level.wrap)
-        weight_y = y - low if dy else 1.0 - (y - low)
-        for dx in range(2):
-            column = wrapped(int(left) + dx, level.width, level.wrap)
-            if row < 0 or column < 0:
-                continue
-            weight = weight_y * (x - left if dx else 1.0 - (x - left))
-            texel = level.offset + row * level.width + column
+    red = green = blue = 0.0
+    around, weights = texels_around(level, u, v)
+    for corner in range(4):
+        texel, weight = around[corner], weights[corner]
+        if texel >= 0:
             red += weight * colors[texel, 0]
             green += weight * colors[texel, 1]
             blue += weight * colors[texel, 2]
