@@ -40,13 +40,13 @@ class _Lenses(NamedTuple):
     perspective: np.ndarray
 
 
-class _Corners(NamedTuple):
-    """Corners of a triangle in a camera's frame, (3,) each: across and up in half extents, times w; w; axial depth."""
+class _Corner(NamedTuple):
+    """Corner of a triangle in a camera's frame: a picture point is (across, up) / w; depth: axial distance."""
 
-    across: np.ndarray
-    up: np.ndarray
-    w: np.ndarray
-    depth: np.ndarray
+    across: float
+    up: float
+    w: float
+    depth: float
 
 
 class _Box(NamedTuple):
@@ -103,54 +103,49 @@ def _draw(
     first: int, last: int, lenses: _Lenses, corners_world: np.ndarray, shown: np.ndarray, first_triangle: int,
     seen: SeenTriangles,
 ) -> None:  # fmt: skip
-    corners = _Corners(np.empty(3), np.empty(3), np.empty(3), np.empty(3))
     _, height, width = seen.depth.shape
     for c in range(first, last):
         for t in range(len(corners_world)):
             if shown[t]:
-                _place(lenses, c, corners_world, t, corners)
+                own = corners_world[t]
+                corners = _place(lenses, c, own[0]), _place(lenses, c, own[1]), _place(lenses, c, own[2])
                 box = _bounds(corners, lenses.clip[c], width, height)
                 _draw_one(c, first_triangle + t, corners, box, lenses.clip[c], seen)
 
 
 @device
-def _place(lenses, c, corners_world, t, corners):
-    """Write the corners of a triangle in the camera's frame: a picture point is (across, up) / w."""
+def _place(lenses, c, corner_world):
+    """Corner of a triangle in the frame of a camera."""
     pose = lenses.pose[c]
-    for i in range(3):
-        across = 0.0
-        up = 0.0
-        depth = 0.0
-        for axis in range(3):
-            offset = corners_world[t, i, axis] - pose[POSITION, axis]
-            across += offset * pose[RIGHT, axis]
-            up += offset * pose[UP, axis]
-            depth += offset * pose[FORWARD, axis]
-        w = depth if lenses.perspective[c] else 1.0
-        corners.across[i] = across - lenses.shift[c, 0] * w
-        corners.up[i] = up - lenses.shift[c, 1] * w
-        corners.w[i], corners.depth[i] = w, depth
+    across = up = depth = 0.0
+    for axis in range(3):
+        offset = corner_world[axis] - pose[POSITION, axis]
+        across += offset * pose[RIGHT, axis]
+        up += offset * pose[UP, axis]
+        depth += offset * pose[FORWARD, axis]
+    w = depth if lenses.perspective[c] else 1.0
+    return _Corner(across - lenses.shift[c, 0] * w, up - lenses.shift[c, 1] * w, w, depth)
 
 
 @device
 def _bounds(corners, clip, width, height):
     """Box of the columns and rows whose centres may be in a triangle."""
-    depth, w = corners.depth, corners.w
-    if max(depth[0], depth[1], depth[2]) < clip[0] or min(depth[0], depth[1], depth[2]) > clip[1]:
+    a, b, c = corners
+    if max(a.depth, b.depth, c.depth) < clip[0] or min(a.depth, b.depth, c.depth) > clip[1]:
         return _Box(0, -1, 0, -1)
-    if min(w[0], w[1], w[2]) <= 0.0:  # reaches behind the camera: anywhere
+    if min(a.w, b.w, c.w) <= 0.0:  # reaches behind the camera: anywhere
         return _Box(0, width - 1, 0, height - 1)
-    left, right = _span(corners.across, w, width)
-    low, high = _span(corners.up, w, height)
+    left, right = _span((a.across / a.w, b.across / b.w, c.across / c.w), width)
+    low, high = _span((a.up / a.w, b.up / b.w, c.up / c.w), height)
     return _Box(left, right, low, high)
 
 
 @device
-def _span(along, w, size):
-    """First and last of `size` columns, or rows, whose centres may be in a triangle."""
+def _span(points, size):
+    """First and last of `size` columns, or rows, whose centres may be between points of a picture."""
     low, high = np.inf, -np.inf
-    for i in range(3):
-        place = ((along[i] / w[i] + 1.0) * size - 1.0) / 2.0
+    for point in points:
+        place = ((point + 1.0) * size - 1.0) / 2.0
         low, high = min(low, place), max(high, place)
     if not (low <= size - 1 and high >= 0.0):
         return 0, -1
@@ -164,30 +159,24 @@ def _draw_one(c, number, corners, box, clip, seen):
     Edge functions are linear in the picture: each is that of the edge opposite to a corner, as a plane through the eye.
     """
     _, height, width = seen.depth.shape
-    depths = corners.depth
+    one, two, three = corners
     for row in range(box.low, box.high + 1):
         y = (2.0 * row + 1.0) / height - 1.0
         for column in range(box.left, box.right + 1):
             x = (2.0 * column + 1.0) / width - 1.0
-            a = _edge(corners, 1, 2, x, y)
-            b = _edge(corners, 2, 0, x, y)
-            d = _edge(corners, 0, 1, x, y)
+            a = _edge(two, three, x, y)
+            b = _edge(three, one, x, y)
+            d = _edge(one, two, x, y)
             total = a + b + d
             if total == 0.0 or a / total < 0.0 or b / total < 0.0 or d / total < 0.0:
                 continue
-            depth = (a * depths[0] + b * depths[1] + d * depths[2]) / total
+            depth = (a * one.depth + b * two.depth + d * three.depth) / total
             if clip[0] <= depth <= clip[1] and depth < seen.depth[c, row, column]:
                 seen.depth[c, row, column] = depth
                 seen.triangle[c, row, column] = number
 
 
 @device
-def _edge(corners, i, j, x, y):
-    """Edge function of the corners i and j at a picture point."""
-    across, up, w, _ = corners
-    return (
-        (up[i] * w[j] - w[i] * up[j]) * x
-        + (w[i] * across[j] - across[i] * w[j]) * y
-        + across[i] * up[j]
-        - up[i] * across[j]
-    )
+def _edge(a, b, x, y):
+    """Edge function of two corners at a picture point."""
+    return (a.up * b.w - a.w * b.up) * x + (a.w * b.across - a.across * b.w) * y + a.across * b.up - a.up * b.across
