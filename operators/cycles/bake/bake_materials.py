@@ -24,25 +24,26 @@ def bake_materials(
     through: bool = False,
     *,
     oblique: bool = False,
+    gloss: bool = False,
     unread: Omissions | None = None,
 ) -> Iterator[list[bpy.types.Material]]:
     """Copy each named material, "" for the default one, with `image` as the active node, within the block.
 
     The copies read attributes instead of the object. back: the mesh shows back sides. through: they show only
-    translucent light, else all but that. oblique: what depends on the view is the mean of all views. unread: gets the
-    names of materials that cannot be adapted.
+    translucent light, else all but that. oblique: what depends on the view is the mean of all views, but not, with
+    `gloss`, what reflects. unread: gets the names of materials that cannot be adapted.
     """
     library = {material.name_full: material for material in bpy.data.materials}
     copies: list[bpy.types.Material] = []
     with ExitStack() as stack:
 
         def changes(tree: bpy.types.NodeTree) -> bool:
-            return needs_redirect(tree) or (oblique and needs_mean_view(tree)) or needs_cut(tree, through)
+            return needs_redirect(tree) or (oblique and needs_mean_view(tree, gloss)) or needs_cut(tree, through)
 
         def adapt(tree: bpy.types.NodeTree, material_index: int, known: dict[str, bpy.types.NodeTree]) -> None:
             redirect(tree, material_index, back)
             if oblique:
-                use_mean_view(tree)
+                use_mean_view(tree, gloss)
             keep_sides(tree, through)
             for node in tree.nodes:
                 if node.type == "GROUP" and node.node_tree and changes(node.node_tree):

@@ -183,8 +183,10 @@ class SurfelBaker:
             materials: list[bpy.types.Material] = []
             for back in (False, True):
                 own = [names[number % count] for number in used if (number >= count) == back]
-                oblique = not self._light.from_camera
-                views = bake_materials(own, image, back, what.through, oblique=oblique, unread=self._unread)
+                views = bake_materials(
+                    own, image, back, what.through,
+                    oblique=not self._light.from_camera, gloss=what.gloss, unread=self._unread,
+                )  # fmt: skip
                 materials += stack.enter_context(views)
             mesh = stack.enter_context(temporary(bpy.data.meshes.new("PatchNet Bake")))
             fill_mesh(mesh, part, materials, -self._lift_world if what.through else self._lift_world)

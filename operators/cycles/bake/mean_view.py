@@ -31,10 +31,10 @@ _COAT = 0.0853, 0.0132  # for `_mean_fresnel`: loss by roughness, and share of r
 _SPECULAR = {"GGX": _COAT, "MULTI_GGX": (0.0427, 0.1144)}
 
 
-def needs_mean_view(tree: bpy.types.NodeTree) -> bool:
+def needs_mean_view(tree: bpy.types.NodeTree, gloss: bool) -> bool:
     """Return whether `use_mean_view` changes anything in a tree or in a group of it."""
     return any(
-        node.type in _BY_ANGLE or _is_by_view(node) or _dims_by_view(node) or _has_coat(node)
+        node.type in _BY_ANGLE or _is_by_view(node) or (not gloss and (_dims_by_view(node) or _has_coat(node)))
         for node in all_nodes(tree)
     )
 
@@ -45,10 +45,11 @@ def nodes_by_view(material: bpy.types.Material) -> tuple[str, ...]:
     return () if tree is None else tuple(node.name for node in all_nodes(tree) if _is_by_view(node))
 
 
-def use_mean_view(tree: bpy.types.NodeTree) -> None:
+def use_mean_view(tree: bpy.types.NodeTree, gloss: bool) -> None:
     """Replace what depends on the view in a tree by its mean; groups in it are left to the caller.
 
-    The mean cosine of the angle of view is 2/3.
+    gloss: layers are baked themselves, as seen from above, and dim as much. The mean cosine of the angle of view is
+    2/3.
     """
     for node in list(tree.nodes):
         if node.type in _BY_ANGLE and not node.inputs["Normal"].is_linked:
@@ -57,9 +58,9 @@ def use_mean_view(tree: bpy.types.NodeTree) -> None:
             _make_smooth(tree, node)
         if _has_sheen(node):
             _make_sheen_diffuse(tree, node)
-        if _dims_by_view(node):
+        if not gloss and _dims_by_view(node):
             _use_mean_specular(tree, node)
-        if _has_coat(node):
+        if not gloss and _has_coat(node):
             _use_mean_coat(tree, node)
 
 
