@@ -210,16 +210,16 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):
         bricks.boxes[leaf] = joined_boxes(bricks.boxes[leaf], boxes[i])
         if len(bricks.sums) == 0:
             continue
-        normal, luminance = normals[triangle], _bounded(shading.luminance[i])
+        luminance = _bounded(shading.luminance[i])
         weight = max(np.rint(fragments.area_world[i] * shading.opacity[i] * units), 1.0)
-        _add_to_leaf(bricks.sums[leaf], weight, luminance, normal)
+        _add_to_leaf(bricks.sums[leaf], weight, luminance, normals, triangle)
         red, blue = 0.0, 0.0
         if len(bricks.hues):
             red, blue = _red_and_blue(shading.color[i], luminance)
             _add_hue(bricks.hues[leaf], weight * red, weight * blue)
         if len(bricks.faces.sums) == 0:
             continue
-        lit = lit_sides(shading.lit, triangle)
+        lit, normal = lit_sides(shading.lit, triangle), normals[triangle]
         for side in range(2):
             if is_lit(lit, side):
                 light = _light_of(shading.sides[i, side]) if len(shading.sides) else (luminance, red, blue)
@@ -228,14 +228,14 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):
 
 
 @device
-def _add_to_leaf(sums, weight, luminance, normal):
+def _add_to_leaf(sums, weight, luminance, normals, triangle):
     whole, part = _in_parts(weight * luminance)
     sums.area += np.int64(weight)
     sums.light += whole
     sums.light_part += part
-    sums.x += np.int64(np.rint(weight * normal[0]))
-    sums.y += np.int64(np.rint(weight * normal[1]))
-    sums.z += np.int64(np.rint(weight * normal[2]))
+    sums.x += np.int64(np.rint(weight * normals[triangle, 0]))
+    sums.y += np.int64(np.rint(weight * normals[triangle, 1]))
+    sums.z += np.int64(np.rint(weight * normals[triangle, 2]))
 
 
 @device
