@@ -11,7 +11,7 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Material, Shading, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, opacity_shade
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
@@ -166,7 +166,7 @@ def test_the_estimate_is_about_the_fitted_octree(mesh, camera, fitted):
 
 def test_transparent_surfaces_are_refused(mesh, camera):
     def nothing(batch, fragments):
-        return np.zeros(len(fragments), np.float32), np.zeros(len(fragments), np.float32)
+        return Shading(np.zeros(len(fragments), np.float32), np.zeros(len(fragments), np.float32))
 
     with pytest.raises(GeometryError, match="transparent"):
         drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], nothing))
