@@ -28,7 +28,7 @@ from ..properties.preferences import ROOT_PACKAGE
 from ..scene_access.window_state import Part
 
 SCRIPT = Path(__file__).with_name("small_jobs.py")  # that the other Blender runs
-ABOUT = 284  # kernels that the small jobs call, for the progress
+ABOUT = 315  # kernels that the small jobs call, for the progress
 _AT = Progress(0, ABOUT, "Compiling kernels", note=NOTE, waiting=True)
 _LOOK_S = 0.5  # between two counts of compiled kernels
 _LOG_BYTES = 2000  # of the end of its output, for the log

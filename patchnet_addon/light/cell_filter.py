@@ -58,18 +58,26 @@ class Places(NamedTuple):
 
 
 def filtered(
-    near_cells: Sequence[Neighbours], there: np.ndarray, light: np.ndarray, half: np.ndarray, *, smooths: bool
+    near_cells: Sequence[Neighbours],
+    there: np.ndarray,
+    light: np.ndarray,
+    half: np.ndarray,
+    base: np.ndarray,
+    *,
+    smooths: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Light (N, C) and its noise (N,) after all passes, one for each distance; without `smooths`, noise alone changes.
 
     there: (N,) bool, cells with light. half: (N,) float32, see `SurfelSums`. It passes through the same
-    filter, so that its mean square over cells around is the variance that is left.
+    filter, so that its mean square over cells around is the variance that is left. base: (N, C) float32, colours that
+    light was divided by. Passes average light times base, and base, since a mean of quotients is too large where base
+    varies, as between the lines of a texture: a surfel's paths and its base colour see slightly different places.
     """
-    values = np.concatenate([light, half[:, None]], axis=1)
-    noise = _noise(near_cells[:NOISE_STEPS], there, values)
+    noise = _noise(near_cells[:NOISE_STEPS], there, half)
     if not smooths:
         return light, np.sqrt(0.5 * (noise**2 + half**2))
-    guide, apart = np.empty_like(noise), np.empty_like(noise)
+    channels, guide, apart = light.shape[1], np.empty_like(noise), np.empty_like(noise)
+    values = np.concatenate([light * base, half[:, None] * base[:, :1], base], axis=1)
     for number, near in enumerate(near_cells):
         if number == 0:  # light and noise of a few paths are too rough to tell which neighbours are alike
             run_parts(_blur, len(noise), near, there, light, noise, guide, apart)
@@ -77,15 +85,16 @@ def filtered(
         run_parts(_weigh, len(noise), near, there, guide, apart, weights, totals)
         run_parts(_filter, len(noise), near, weights, totals, values, smooth)
         values = smooth
-        noise = _noise(near_cells[number : number + NOISE_STEPS], there, values)
+        light, half = values[:, :channels] / values[:, channels + 1 :], values[:, channels] / values[:, channels + 1]
+        noise = _noise(near_cells[number : number + NOISE_STEPS], there, half)
         # A bright cell of a few paths is noisier than those around it.
-        guide, apart = np.ascontiguousarray(values[:, 0]), np.maximum(noise, _OWN * np.abs(values[:, -1]))
-    return np.ascontiguousarray(values[:, :-1]), noise
+        guide, apart = np.ascontiguousarray(light[:, 0]), np.maximum(noise, _OWN * np.abs(half))
+    return light, noise
 
 
-def _noise(near_cells: Sequence[Neighbours], there: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Noise (N,) float32 of cells: root of the mean square of the last column over their neighbours, pass by pass."""
-    variance = values[:, -1] ** 2
+def _noise(near_cells: Sequence[Neighbours], there: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """Noise (N,) float32 of cells: root of the mean square of `half` over their neighbours, pass by pass."""
+    variance = half**2
     for near in near_cells:
         around = np.empty_like(variance)
         run_parts(_spread, len(variance), near, there, variance, around)

@@ -154,7 +154,7 @@ class CellGrid:
         opacity = np.where(there, baked[:, -2], np.inf)
         mean = (baked[:, :-2] / opacity[:, None] / base).astype(np.float32)
         half = (sums.half / opacity / base[:, 0]).astype(np.float32)
-        mean, noise = filtered(self._neighbours, there, mean, half, smooths=self._is_filtered)
+        mean, noise = filtered(self._neighbours, there, mean, half, base, smooths=self._is_filtered)
         share, pixels = np.where(there, self._share, 0.0), np.where(there, self._pixels, np.float32(0.0))
         return self._with_means([mean, noise * base[:, 0], mean[:, 0] * base[:, 0], pixels], share)
 

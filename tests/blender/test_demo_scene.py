@@ -10,7 +10,7 @@ import pytest
 from patchnet.operators.add_demo_scene import NAME
 from patchnet.operators.demo_scene import build_courtyard, save_demo_scene
 from patchnet.operators.demo_scene.geometry import Shape, projected_uv
-from patchnet.operators.jobs.job_operator import JobOperator
+from patchnet.operators.jobs.job_operator import JobInWindow
 from patchnet.patchnet_addon.light.sheets import sheets_of
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
@@ -118,7 +118,7 @@ def test_undo_removes_it() -> None:
 
 @pytest.mark.usefixtures("scene")
 def test_it_waits_for_jobs_and_for_object_mode(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(JobOperator, "running", "Bake Light")
+    monkeypatch.setattr(JobInWindow, "title", "Bake Light")
     with pytest.raises(RuntimeError, match="Bake Light is running"):
         bpy.ops.patchnet.add_demo_scene()
     monkeypatch.undo()

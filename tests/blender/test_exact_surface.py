@@ -15,6 +15,7 @@ from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender import shaders
+from patchnet.tests.blender.light_scene import mean_ratios
 from patchnet.tests.blender.objects import lamp, link, look_from, mesh
 from patchnet.tests.blender.shaders import material, mixed, shader, shown, simple
 
@@ -78,6 +79,15 @@ def test_pictures_are_those_of_cycles(fence: None) -> None:
     psnr = {shape: report["psnr_db"] for shape, report in found.items()}
     assert psnr["exact"] > max(psnr["boxes"] + 4.0, 30.0) and psnr["boxes"] > psnr["whole"] + 0.5, psnr
     assert found["exact"]["mean_ratio"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_light_beside_thin_lines_of_a_texture(empty_scene: None) -> None:
+    """Surfels that meet dark lines, and those beside them, are divided by base colours that are not quite theirs."""
+    lines = np.where((np.indices((128, 128)) % 8 == 0).any(axis=0), 0.02, 0.8)
+    plate("Floor", SQUARE, textured("Lines", np.dstack([lines, lines, lines, np.ones_like(lines)]), cut=False))
+    shaders.world().nodes["Background"].inputs["Color"].default_value = (0.5, 0.5, 0.5, 1.0)
+    look_from((0.4, -1.2, 1.6), (0.0, 0.0, 0.0), "Eye")
+    assert mean_ratios(cameras=("Eye",), size=(64, 48), max_samples=32) == pytest.approx([1.0], abs=0.015)
 
 
 def test_a_job_shows_textured_objects_before_their_light(fence: None, weights: Path) -> None:

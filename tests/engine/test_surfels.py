@@ -46,13 +46,14 @@ EYES = np.array([(0.5, 0.4, 0.45, 1.0), (2.0, -1.0, 0.7, 1.0), (0.6, 0.0, 0.8, 0
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("eyes", [NO_EYES, EYES], ids=["all", "eyes"])
-def test_as_a_loop_over_all_fragments(seed: int, eyes: np.ndarray) -> None:
+@pytest.mark.parametrize("is_color", [False, True], ids=["light", "color"])
+def test_as_a_loop_over_all_fragments(seed: int, eyes: np.ndarray, is_color: bool) -> None:
     """The same winners; areas are rounded up to their units."""
     source, sheets = random_surface(seed)
     clipped = ClippedSurface(source, GRID, random_layout(seed))
     seen = partly_seen(clipped, thinned, seed)
-    surfels = drain(choose_surfels(clipped, thinned, sheets, seen, eyes))
-    expected = surfels_reference(clipped, thinned, sheets, seen, eyes)
+    surfels = drain(choose_surfels(clipped, thinned, sheets, seen, eyes, is_color=is_color))
+    expected = surfels_reference(clipped, thinned, sheets, seen, eyes, is_color)
     rows = sorted(expected.items(), key=lambda row: (*row[0][:2], row[1].rank, row[1].id))
     assert len(surfels) == len(rows) > 150 and (surfels["pixels"] > 0.0).mean() > 0.2
     for name, column in {"cell": 0, "face": 1, "sheet": 2}.items():

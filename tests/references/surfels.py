@@ -87,12 +87,14 @@ def _above(key: int, level: int, up: int) -> int:
     return (key >> 3 * up) << 5 | level - up
 
 
-def _light_level(key: int, level: int, seen: Mapping[int, tuple[int, float]]) -> tuple[int, float]:
+def _light_level(key: int, level: int, seen: Mapping[int, tuple[int, float]], is_color: bool) -> tuple[int, float]:
     """Levels from a leaf up to its light cell, and pixels that show it: 0 if no camera sees the leaf."""
     coarse = min(COARSE, level)
     for up in range(level + 1):
         if _above(key, level, up) in seen:
             wanted, pixels = seen[_above(key, level, up)]
+            if is_color:
+                return min(up, coarse), pixels
             finer = max(level - wanted - coarse, 0)  # than the cell that shows the pixels
             return min(max(level - wanted, min(1, level)), coarse), pixels / 4**finer
     return coarse, 0.0
@@ -103,9 +105,9 @@ def _eye_is_above(place: np.ndarray, normal: np.ndarray, eye: np.ndarray) -> boo
 
 
 def surfels_reference(
-    clipped: ClippedSurface, opacity: ShadingFn, sheets: Sheets, seen: SeenCells, eyes: np.ndarray
+    clipped: ClippedSurface, opacity: ShadingFn, sheets: Sheets, seen: SeenCells, eyes: np.ndarray, is_color: bool
 ) -> dict[Place, Drawn]:
-    """Winners by cell, face and sheet, of all fragments one by one."""
+    """Winners by cell, face and sheet, of all fragments one by one; is_color: those of base colours, of all sizes."""
     views = {int(cell): (int(level), float(pixels)) for cell, level, pixels in zip(*seen, strict=True)}
     entries: dict[Place, list[Drawn]] = defaultdict(list)
     for batch, fragments in parts_of(clipped):
@@ -120,7 +122,7 @@ def surfels_reference(
             one, two = (float(share) for share in fragments.barycentric[f])
             start, first, second = batch.corners_world[t]
             place = start + one * (first - start) + two * (second - start)
-            up_of_seen, pixels = _light_level(key, level, views)
+            up_of_seen, pixels = _light_level(key, level, views, is_color)
             for side, sign in enumerate((1.0, -1.0)):
                 if sheets.lit[number] == -sign:
                     continue
@@ -128,7 +130,9 @@ def surfels_reference(
                 above = [_eye_is_above(place, normals[t], eye) for eye in eyes]
                 ways = {coarse: 0.0}  # and their pixels
                 if pixels > 0.0 and (not len(eyes) or (side == 0) in above):
-                    ways[up_of_seen] = pixels
+                    ways |= dict.fromkeys(range(up_of_seen, coarse) if is_color else (up_of_seen,), pixels)
+                    if up_of_seen == coarse:
+                        ways[coarse] = pixels
                 hashed = mixed_reference(mixed_reference(mixed_reference(key, level), number), side)
                 rank = float(np.float32(-math.log(((hashed >> 11) + 0.5) / 2.0**53) / weight))
                 for up, shows in ways.items():
@@ -220,16 +224,17 @@ def light_cells_reference(
 ) -> dict[Place, Cell]:
     """Light cells by cell, face and sheet, with the means over sheets and faces."""
     where_of = [tuple(int(one[name]) for name in ("cell", "face", "sheet")) for one in surfels]
-    unit, light, half, spots = grid.to_unit(surface.place), {}, {}, {}
+    unit, light, half, bases, spots = grid.to_unit(surface.place), {}, {}, {}, {}
     for i, where in enumerate(where_of):
         spots[where] = Spot(unit[i], surface.normal[i], bool(surface.is_filtered[i]), bool(surfels["pixels"][i] > 0.0))
         *color, opacity, _ = sums.light[i] / sums.samples[i]
         if opacity > MIN_OPACITY:
-            light[where] = np.array(color) / opacity / surface.base[i]
+            bases[where] = surface.base[i].astype(np.float64)
+            light[where] = np.array(color) / opacity / bases[where]
             half[where] = sums.half[i] / opacity / float(surface.base[i, 0])
     assert len(spots) == len(surfels), "a cell, face and sheet has one surfel"
     if filtered:
-        light, noise = filtered_reference(light, half, spots)
+        light, noise = filtered_reference(light, half, bases, spots)
     else:
         noise = noise_reference(half, [all_neighbours(spots, step) for step in STEPS[: cells_module.NOISE_STEPS]])
         noise = {where: math.hypot(noise[where], half[where]) / math.sqrt(2.0) for where in light}
@@ -256,13 +261,21 @@ def _means(cells: dict[Place, Cell], shares: dict[Place, float]) -> dict[Place, 
 
 
 def filtered_reference(
-    light: Mapping[Place, np.ndarray], half: Mapping[Place, float], spots: Mapping[Place, Spot]
+    light: Mapping[Place, np.ndarray],
+    half: Mapping[Place, float],
+    bases: Mapping[Place, np.ndarray],
+    spots: Mapping[Place, Spot],
 ) -> tuple[dict[Place, np.ndarray], dict[Place, float]]:
     """Light and noise of cells with light after all passes, among those of all surfels.
 
-    The guide that tells which neighbours are alike is the mean around each cell in the first pass, then the light.
+    Passes average radiance and base colours. The guide that tells which neighbours are alike is the mean around each
+    cell in the first pass, then the light.
     """
-    values = {where: np.array([*light[where], half[where]]) for where in light}
+    channels = len(next(iter(light.values()), ()))
+    values = {
+        where: np.array([*(light[where] * bases[where]), half[where] * bases[where][0], *bases[where]])
+        for where in light
+    }
     near = [all_neighbours(spots, step) for step in STEPS]
     noise = noise_reference(half, near[: cells_module.NOISE_STEPS])
     guide = {where: blurred_reference(where, light, noise, near[0]) for where in light}
@@ -286,11 +299,12 @@ def filtered_reference(
                 smooth[where], rest = smooth[where] + share * values[other], rest - share
             smooth[where] = smooth[where] + rest * own
         values = smooth
-        left = {where: float(value[-1]) for where, value in values.items()}
+        light = {where: value[:channels] / value[channels + 1 :] for where, value in values.items()}
+        left = {where: float(value[channels] / value[channels + 1]) for where, value in values.items()}
         noise = noise_reference(left, near[number : number + cells_module.NOISE_STEPS])
         own = {where: max(noise[where], float(cells_module._OWN) * abs(left[where])) for where in light}
-        guide = {where: (float(values[where][0]), own[where]) for where in light}
-    return {where: value[:-1] for where, value in values.items()}, noise
+        guide = {where: (float(light[where][0]), own[where]) for where in light}
+    return dict(light), noise
 
 
 def _part(where: Place, other: Place) -> float:
