@@ -8,10 +8,12 @@ panel; checkboxes of numbers that are found where they are 0, as Cycles has them
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 from typing import Any
 
 import bpy
 import numpy as np
+from bpy.app.handlers import persistent
 from bpy.props import (
     BoolProperty,
     EnumProperty,
@@ -78,7 +80,7 @@ def property_of(row: Setting) -> Any:
     if row.kind is Kind.SWITCH:
         return BoolProperty(**words, default=row.default, **more)
     if row.kind is Kind.CHOICE:
-        return EnumProperty(**words, items=list(row.choices), default=_default(row), **more)
+        return EnumProperty(**words, items=_numbered(row), default=_default(row), **more)
     if row.kind is Kind.TEXT:
         if row.stage == CAMERAS:
             more |= {"search": camera_candidates, "search_options": {"SUGGESTION"}}
@@ -98,6 +100,12 @@ def property_of(row: Setting) -> Any:
 
 def _default(row: Setting) -> Any:
     return row.default if row.shown is None else row.shown
+
+
+def _numbered(row: Setting) -> list[tuple[str, str, str, int]]:
+    """Choices with their numbers, by which files hold them: none has that of a choice that is gone."""
+    numbers = (number for number in count() if number not in row.gone)
+    return [(*choice, number) for choice, number in zip(row.choices, numbers, strict=False)]
 
 
 def properties_of(*stages: str) -> dict[str, Any]:
@@ -250,6 +258,18 @@ class PatchNetSettings(DerivedProperties, AnimationProperties, DisplayProperties
     """Settings that a scene remembers; operators use them for whatever is not given to themselves."""
 
     __annotations__ = properties_of(*JOB, REFINEMENT, RENDERS)
+
+
+@persistent
+def _forget_gone(*_: object) -> None:
+    """Give settings of an older file their default whose choice is gone."""
+    for values in (scene.patchnet for scene in bpy.data.scenes if scene.library is None):
+        for row in TABLE.values():
+            if row.gone and not getattr(values, row.name):
+                values.property_unset(row.name)
+
+
+HANDLERS = (("load_post", _forget_gone),)
 
 
 def register() -> None:

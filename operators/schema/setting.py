@@ -56,12 +56,12 @@ class Setting:
 
     label, description: as the panel shows them. stage: of the job. default: in jobs; shown: of the property, if that is
     another one. name: of the property of scenes and operators, if it is not that of the field.
-    bounds: of a number. choices: (value, label, description) of a CHOICE. check: of a value that is not one of the
-    choices alone; raises SettingError. effect: on the result. counts: whether it matters beside the other values;
-    active: whether panels do not gray it out. place: in panels. argument: of the command line if it is not --NAME, ""
-    for none; --no-NAME too, of a switch that is on; help, unit: of it. widget: further options of the property.
-    automatic: what 0 or an empty text means, in two words; first: the number that a checkbox begins with, of a PAIR
-    each side's.
+    bounds: of a number. choices: (value, label, description) of a CHOICE. gone: numbers of former choices, which files
+    may hold. check: of a value that is not one of the choices alone; raises SettingError. effect: on the result.
+    counts: whether it matters beside the other values; active: whether panels do not gray it out. place: in panels.
+    argument: of the command line if it is not --NAME, "" for none; --no-NAME too, of a switch that is on; help, unit:
+    of it. widget: further options of the property. automatic: what 0 or an empty text means, in two words; first: the
+    number that a checkbox begins with, of a PAIR each side's.
     """
 
     label: str
@@ -73,6 +73,7 @@ class Setting:
     shown: Any = None
     name: str = ""
     choices: tuple[tuple[str, str, str], ...] = ()
+    gone: frozenset[int] = frozenset()
     check: Callable[[Any], object] | None = None
     effect: Effect = Effect.ALWAYS
     counts: Callable[[Any], bool] = lambda _: True

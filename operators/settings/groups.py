@@ -389,6 +389,7 @@ class ViewSettings:
     strategy: str = Setting(
         "Strategy", "Order in which pixels are refined", VIEW, Kind.CHOICE, DEFAULT,
         choices=tuple((item.name, item.title, item.description) for item in STRATEGIES.values()), check=strategy,
+        gone=frozenset({3}),  # patchnet-plus-staged of 1.0.0
         help=f"order of refinement ({DEFAULT}): "
         + ", ".join(f"{item.name} ({item.cost})" for item in STRATEGIES.values()),
     ).as_field()  # fmt: skip

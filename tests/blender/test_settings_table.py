@@ -13,6 +13,7 @@ from patchnet.operators.settings.cycles_settings import CyclesSettings
 from patchnet.operators.settings.groups import LightSettings, NetworkSettings, SurfaceSettings, ViewSettings
 from patchnet.operators.settings.job_settings import SETTING_PATHS, JobSettings, recorded, rows
 from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.tests.blender.job_scene import build
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -93,3 +94,19 @@ def test_settings_that_do_not_count_make_nothing_stale() -> None:
     assert recorded(values, LIGHT) == before
     values.light = "cycles"
     assert recorded(values, LIGHT) != before and "device" not in recorded(values, LIGHT)
+
+
+OF_1_0_0 = (
+    "patchnet-plus", "patchnet-plus-1", "patchnet-plus-0", "patchnet-plus-staged", "patchnet-behind", "patchnet",
+    "ss-variance", "random", "patchnet-behind-exact", "patchnet-exact", "optimal",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", OF_1_0_0)
+def test_strategies_of_older_files(name: str, tmp_path: Path) -> None:
+    """A file holds a number; a strategy that is gone becomes the default."""
+    build()
+    bpy.context.scene.patchnet["strategy"] = OF_1_0_0.index(name)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert bpy.context.scene.patchnet.strategy == (name if name in STRATEGIES else DEFAULT)
