@@ -4,6 +4,7 @@
 import os
 import sys
 import traceback
+from contextlib import suppress
 from typing import NoReturn
 
 
@@ -12,15 +13,17 @@ def main() -> NoReturn:
     try:
         code = _run()
     except KeyboardInterrupt:  # before or after the work
-        print("patchnet: interrupted", file=sys.stderr)
         code = 130
+        with suppress(OSError):  # Ctrl-C has ended who reads stderr, too
+            print("patchnet: interrupted", file=sys.stderr)
     except SystemExit as stop:  # argparse: help, or words that it does not know
         code = stop.code if isinstance(stop.code, int) else 1
     except BrokenPipeError:  # `| head`
         code = 1
     except Exception:  # noqa: BLE001  it is shown in full, and the process ends as below
-        traceback.print_exc()
         code = 1
+        with suppress(OSError):
+            traceback.print_exc()
     leave(code)
 
 

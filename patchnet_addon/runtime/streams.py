@@ -7,7 +7,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import IO
 
 _NUMBERS = {"stdout": 1, "stderr": 2}  # file descriptors
@@ -42,7 +42,8 @@ def undivert() -> None:
 def drop_output(error: OSError) -> None:
     """Discard all further output after an error of writing; reports it unless it is a broken pipe (`| head`)."""
     if not isinstance(error, BrokenPipeError):
-        print(f"patchnet: error: what was printed is lost ({error.strerror})", file=sys.stderr)
+        with suppress(OSError):  # stderr may be what is lost
+            print(f"patchnet: error: what was printed is lost ({error.strerror})", file=sys.stderr)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for number in _NUMBERS.values():
         os.dup2(nowhere, number)
