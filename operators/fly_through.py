@@ -84,7 +84,11 @@ def _render_film() -> float | None:
         return _POLL_S
     film.scene = 0
     film.changed.enter_context(frames_by_engine(scene, film.frames))
-    bpy.ops.render.render("INVOKE_DEFAULT", animation=True, scene=scene.name)
+    try:
+        bpy.ops.render.render("INVOKE_DEFAULT", animation=True, scene=scene.name)
+    except RuntimeError:  # as where Blender cannot write the pictures
+        unregister()
+        raise
     return _POLL_S
 
 

@@ -37,15 +37,16 @@ def track_frames(scene: bpy.types.Scene, wanted: Sequence[int] = (0, 0)) -> rang
 @contextmanager
 def kept_track(scene: bpy.types.Scene) -> Iterator[None]:
     """Keep the track within the block, in which the scene renders other frames."""
-    before = _whole().get(scene.session_uid)
-    _whole()[scene.session_uid] = track_frames(scene)
+    uid = scene.session_uid  # the scene may be gone at the end
+    before = _whole().get(uid)
+    _whole()[uid] = track_frames(scene)
     try:
         yield
     finally:
         if before is None:
-            _whole().pop(scene.session_uid, None)
+            _whole().pop(uid, None)
         else:
-            _whole()[scene.session_uid] = before
+            _whole()[uid] = before
 
 
 def _rendered(scene: bpy.types.Scene) -> range:

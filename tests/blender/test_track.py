@@ -13,7 +13,7 @@ from patchnet import commands
 from patchnet.operators.pipeline import lit_octree
 from patchnet.operators.render_engine import frame_octree
 from patchnet.operators.scene.cameras import camera_size_px
-from patchnet.operators.scene.track import track_cameras, track_frames
+from patchnet.operators.scene.track import kept_track, track_cameras, track_frames
 from patchnet.operators.session import results
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.image.exr import read_exr
@@ -167,6 +167,13 @@ def test_the_scenes_own_frames_count_where_no_file_was_opened(registered: None, 
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 7, 9
     assert track_frames(scene) == range(7, 10)
+
+
+def test_a_scene_may_go_while_its_track_is_kept(registered: None) -> None:
+    """As one whose film Blender renders beside the window."""
+    film = bpy.data.scenes.new("Film")
+    with kept_track(film):
+        bpy.data.scenes.remove(film)
 
 
 def test_a_checkbox_keeps_the_frames_of_the_scene(walk: bpy.types.Scene) -> None:
