@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from ..patchnet_addon.runtime.errors import PatchNetError
-from .run import print_result, run_with_bars
+from .run import print_result, run_with_lines
 from .shared.arguments import add_out
 from .shared.job_arguments import add_job_arguments, job_settings, require_blender
 
@@ -47,6 +47,6 @@ def run(args: argparse.Namespace) -> int:
         raise PatchNetError(f"{scene} cannot be written ({cause}): choose another folder with --out") from cause
     with quiet_stdout():
         open_scene(scene)
-    print_result(run_with_bars(settings), settings)
+    print_result(run_with_lines(settings), settings)
     print(f"The scene is {scene}; everything took {time.monotonic() - start:.0f} s")
     return 0

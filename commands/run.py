@@ -61,7 +61,7 @@ def _run_frames(args: argparse.Namespace, settings: JobSettings) -> int:
     return 0
 
 
-def run_with_bars(settings: JobSettings, before: Before | None = None) -> JobResult:
+def run_with_lines(settings: JobSettings, before: Before | None = None) -> JobResult:
     """Run the job on the open scene with progress lines on stderr. before: voxels that it reuses."""
     import bpy
 
@@ -83,7 +83,7 @@ def _run_cached(settings: JobSettings) -> JobResult:
 
     key = key_of_job(bpy.context, settings)
     before = voxels_before(bpy.context, settings, key)
-    result = run_with_bars(settings, before)
+    result = run_with_lines(settings, before)
     if before is None or not before.lit:
         keep_on_disk(bpy.context.scene, result_of_job(bpy.context, settings, result, key), apart=True)
     return result

@@ -67,7 +67,6 @@ _FORMS: dict[str, dict[str, Any]] = {
     "depth": {"default": "auto"},
     "track": {"nargs": "?", "const": "", "metavar": "FIRST-LAST"},
     "strategy": {"default": DEFAULT},
-    "importance": {"type": Path, "metavar": "IMAGE"},
 }
 
 

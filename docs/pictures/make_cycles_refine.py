@@ -17,7 +17,7 @@ import bpy  # noqa: TID251
 from PIL import Image
 
 from patchnet.__main__ import leave
-from patchnet.commands.run import run_with_bars
+from patchnet.commands.run import run_with_lines
 from patchnet.operators.demo_scene import build_courtyard
 from patchnet.operators.pipeline.cycles_pictures import comparison_sheet
 from patchnet.operators.settings.cycles_settings import CyclesSettings
@@ -41,7 +41,7 @@ def main() -> None:
         color=True,
         cycles=CyclesSettings(float(budget), int(samples), compare=True),
     )
-    result = run_with_bars(settings)
+    result = run_with_lines(settings)
     (view,) = result.cycles
     print(json.dumps(view.report, indent=2))
     if camera == PICTURED:

@@ -22,7 +22,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from patchnet.__main__ import leave
-from patchnet.commands.run import run_with_bars
+from patchnet.commands.run import run_with_lines
 from patchnet.commands.shared.quiet import quiet_stdout
 from patchnet.commands.shared.scene_argument import open_or_build
 from patchnet.operators.cycles.camera_render import (
@@ -98,7 +98,7 @@ def main() -> None:
     scene, width, height, cameras = (*sys.argv[1:], *defaults[len(sys.argv) - 1 :])
     open_or_build(scene)
     settings = JobSettings.of(cameras=tuple(cameras.split(",")), size=(int(width), int(height)))
-    result = run_with_bars(settings)
+    result = run_with_lines(settings)
     curves = {}
     for view in result.views:
         with quiet_stdout():

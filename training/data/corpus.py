@@ -2,8 +2,8 @@
 """Corpus: the training voxels of all data sets without the held-out ones, from sample files or drawn anew.
 
 Each step of a run on fresh samples draws voxels and views from the octrees. A draw depends only on the seed, the step's
-number and the voxel's index in the step, so that a run resumes exactly, and threads that share a step
-draw the same samples as one. Held-out parts of scenes are those of `patchnet lab dataset` (methods 7.21).
+number and the voxel's index in the step, so that a run resumes exactly, and threads that share a step draw the same
+samples as one. Held-out parts of scenes are those of `patchnet lab dataset` (methods 7.21).
 """
 
 from __future__ import annotations

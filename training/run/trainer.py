@@ -43,7 +43,7 @@ CHECKPOINT_S = 300.0  # time between checkpoints
 class RunOptions:
     """Options of a run that change its result by rounding at most.
 
-    device: cpu, cuda, cuda:N, or auto (`training/devices.py`). threads: of the CPU, for torch or for
+    device: cpu, cuda, cuda:N, or auto (`patchnet_addon/network/devices.py`). threads: of the CPU, for torch or for
     gathering batches for a GPU; None for one per core. validation: data sets for validation only. notes: further
     metadata of the weights.
     """
