@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Commands whose output nobody reads any more, or that is lost: they end without a traceback."""
+"""Commands whose output nobody reads any more end without a traceback; output that is lost is an error."""
 
 import os
 import subprocess
