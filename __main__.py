@@ -10,6 +10,7 @@ from typing import NoReturn
 
 def main() -> NoReturn:
     """Run the command line and end the process with its exit code."""
+    _open_closed_streams()
     try:
         code = _run()
     except KeyboardInterrupt:  # before or after the work
@@ -25,6 +26,15 @@ def main() -> NoReturn:
         with suppress(OSError):
             traceback.print_exc()
     leave(code)
+
+
+def _open_closed_streams() -> None:
+    """Open what a shell closed (`>&-`): the first file would get its number, and what Blender prints."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
 
 
 def _run() -> int:

@@ -14,7 +14,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "training/README.md", *sorted(DOCS.rglob("*.md"))]
 ON_THE_SITE = 4  # levels of headings that links may name: `myst_heading_anchors` of conf.py
 FENCED = re.compile(r"^( *)(`{3,}|~{3,}).*?^\1\2 *$", re.MULTILINE | re.DOTALL)
 FRONT_ENDS = "## For developers"  # as docs/index.md says
@@ -87,7 +87,7 @@ def test_navigation_has_every_page_and_no_other() -> None:
     assert f'end-before: "{FRONT_ENDS}"' in index
     blocks = re.findall(r"```\{toctree\}\n(.*?)```", index, re.DOTALL)
     listed = [line for block in blocks for line in block.split("\n") if line and not line.startswith(":")]
-    pages = {page.relative_to(DOCS).with_suffix("").as_posix() for page in PAGES[2:]}
+    pages = {page.relative_to(DOCS).with_suffix("").as_posix() for page in PAGES[3:]}
     assert sorted(listed) == sorted(pages - {"index"})
     levels = re.search(r"^myst_heading_anchors = (\d)$", (DOCS / "conf.py").read_text(encoding="utf-8"), re.MULTILINE)
     assert levels and int(levels[1]) == ON_THE_SITE

@@ -8,7 +8,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 MADE = {"operators.md", "commands.md"}  # from labels and helps, by scripts
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md"]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "training/README.md"]
 PAGES += sorted(page for page in (ROOT / "docs").rglob("*.md") if page.name not in MADE)
 SAY = {
     r"samples? (?:are|is) dear|dear(?:er)? samples?": "expensive",

@@ -63,3 +63,13 @@ def test_an_error_that_cannot_be_said_ends_as_any_other(error: str, code: int) -
     with open("/dev/full", "wb") as full:
         done = subprocess.run(words, stdout=subprocess.PIPE, stderr=full, check=False)
     assert (done.returncode, done.stdout) == (code, b"left\n")
+
+
+def test_files_do_not_get_what_is_printed_to_closed_streams(tmp_path: Path) -> None:
+    own = tmp_path / "own"
+    lines = ["import os", "from patchnet import __main__ as entry", "def run():", f" file = open({str(own)!r}, 'wb')"]
+    lines += [" os.write(1, b'printed')", " file.write(b'own')", " file.close()", " return 0", "entry._run = run"]
+    words = ["sh", "-c", f'exec "{sys.executable}" -c "$0" <&- >&-', "\n".join([*lines, "entry.main()"])]
+    done = subprocess.run(words, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert own.read_bytes() == b"own"
