@@ -33,7 +33,7 @@ def with_flags(text: str) -> str:
     def flagged(match: re.Match[str]) -> str:
         row, value = _NAMED[match[0]]
         switch = row.flag if value else f"--no-{row.flag[2:]}"
-        flag = switch if row.kind is Kind.SWITCH else f"{row.flag} {value}"
+        flag = switch if row.kind is Kind.SWITCH else f"{row.flag} {str(value).lower()}"
         return f"{match[0]} ({flag})" if row.flag else match[0]
 
     # --device means more than the row.
