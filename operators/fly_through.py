@@ -45,7 +45,7 @@ class PATCHNET_OT_fly_through(FrameProperties, JobOperator, bpy.types.Operator):
             return f"All frames are in {baked.folder}"
         said, film = tell_notes(self, baked.result.all_notes), counted(len(baked.frames), "frame")
         if window_is_alive():
-            _film().scene, _film().frames = context.scene.session_uid, frames
+            _films().waiting.append((context.scene.session_uid, frames))
             if not bpy.app.timers.is_registered(_render_film):
                 bpy.app.timers.register(_render_film, first_interval=_POLL_S)
             return f"Blender renders {film} into {baked.folder}{said}"
@@ -55,37 +55,36 @@ class PATCHNET_OT_fly_through(FrameProperties, JobOperator, bpy.types.Operator):
 
 
 @dataclass(eq=False)
-class FilmBesideWindow:
-    """Film that Blender renders beside the window.
+class FilmsBesideWindow:
+    """Films that Blender renders beside the window, one after the other.
 
-    scene: its session_uid, 0 once the render has begun. changed: settings of the scene until it ends.
+    waiting: session_uid of each scene, and its frames. changed: settings of the present one's scene until it ends.
     """
 
-    scene: int = 0
-    frames: range = range(0)
+    waiting: list[tuple[int, range]] = field(default_factory=list)
     changed: ExitStack = field(default_factory=ExitStack)
 
 
-_film = Part("film", FilmBesideWindow)
+_films = Part("films", FilmsBesideWindow)
 
 
 def _render_film() -> float | None:
-    """Start Blender's render of the frames once the operator has ended; the scene has its engine back after it."""
+    """Start Blender's render of a film once the operator has ended; the scene has its engine back after it."""
     from .render_engine.fly_through import frames_by_engine
 
     if job_is_running(RENDER):
         return _POLL_S
     unregister()
-    film = _film()
-    scene = next((item for item in bpy.data.scenes if item.session_uid == film.scene), None)
-    if scene is None:
+    films, scenes = _films(), {scene.session_uid: scene for scene in bpy.data.scenes}
+    films.waiting = [(scene, frames) for scene, frames in films.waiting if scene in scenes]
+    if not films.waiting:
         return None
     if job_in_window().title:
         return _POLL_S
-    film.scene = 0
-    film.changed.enter_context(frames_by_engine(scene, film.frames))
+    scene, frames = films.waiting.pop(0)
+    films.changed.enter_context(frames_by_engine(scenes[scene], frames))
     try:
-        bpy.ops.render.render("INVOKE_DEFAULT", animation=True, scene=scene.name)
+        bpy.ops.render.render("INVOKE_DEFAULT", animation=True, scene=scenes[scene].name)
     except RuntimeError:  # as where Blender cannot write the pictures
         unregister()
         raise
@@ -95,7 +94,7 @@ def _render_film() -> float | None:
 @persistent
 def unregister(*_: object) -> None:
     """Give a film's scene its settings back, also before another file opens."""
-    _film().changed.close()
+    _films().changed.close()
 
 
 HANDLERS = (("load_pre", unregister),)
