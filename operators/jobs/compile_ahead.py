@@ -78,7 +78,7 @@ def _mark() -> Path:
     """Path of a file that marks all kernels as compiled for this Blender."""
     from ...patchnet_addon.runtime.kernels import compiled_mark
 
-    return compiled_mark("all", bpy.app.version_string)
+    return compiled_mark(bpy.app.version_string)
 
 
 def start_other_blender(said: IO[bytes]) -> subprocess.Popen[bytes]:

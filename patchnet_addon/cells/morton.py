@@ -28,11 +28,6 @@ def morton_decode(keys: np.ndarray) -> np.ndarray:
     return np.stack(axes, axis=-1).astype(np.int32)
 
 
-def morton_decode_square(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Column and row, (N,) int32 each, of keys (N,) int64 along the curve through a square; up to 32 bits."""
-    return _gather_pairs(keys), _gather_pairs(keys >> 1)
-
-
 def spread(bits: Bits) -> Bits:
     """Insert two zero bits between the lowest 21 bits of uint64."""
     bits = (bits | (bits << np.uint64(32))) & np.uint64(0x1F00000000FFFF)
@@ -50,11 +45,3 @@ def gather(bits: Bits) -> Bits:
     bits = (bits ^ (bits >> np.uint64(8))) & np.uint64(0x1F0000FF0000FF)
     bits = (bits ^ (bits >> np.uint64(16))) & np.uint64(0x1F00000000FFFF)
     return (bits ^ (bits >> np.uint64(32))) & np.uint64(0x1FFFFF)
-
-
-def _gather_pairs(values: np.ndarray) -> np.ndarray:
-    """Compact bits 0, 2, 4, ... of up to 32."""
-    values = values & 0x55555555
-    for shift, mask in ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF)):
-        values = (values | (values >> shift)) & mask
-    return values.astype(np.int32)

@@ -49,14 +49,6 @@ def coded_nodes(octree: Octree, lookahead: int) -> tuple[CodedNodes, int]:
     return CodedNodes(*marked(ahead, end)), len(ahead)
 
 
-def corners_of(table: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
-    """Rows in the codes (..., 8) int64 of the corners of coded voxels (...,), x fastest."""
-    lines = table[rows].astype(np.int64)
-    low, high, steps = (lines[..., column] for column in (LOW, HIGH, STEPS))
-    starts = np.stack([low, low + (steps & MAX_STEP), high, high + (steps >> 16)], axis=-1)  # (..., 4)
-    return (starts[..., None] + np.arange(2)).reshape(*starts.shape[:-1], 8)
-
-
 def last_row(table: np.ndarray) -> int:
     """Last row in the codes referenced by a table (K, 3), -1 for none."""
     steps = np.stack([table[:, STEPS] & MAX_STEP, table[:, STEPS] >> 16], axis=1)

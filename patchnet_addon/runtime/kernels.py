@@ -45,15 +45,15 @@ _VERSION = hashlib.sha256(f"{__package__} {source_hash(*_with_kernels())}".encod
 numba.config.CACHE_DIR = str(kernel_folder(user_cache_folder(), _VERSION))
 
 
-def compiled_mark(kernels: str, *of: object) -> Path:
-    """Path of a marker file: some kernels of these sources are compiled, for this processor by this numba.
+def compiled_mark(*of: object) -> Path:
+    """Path of a marker file: all kernels of these sources are compiled, for this processor by this numba.
 
-    kernels: their name. of: further dependencies. The caller creates the file after compiling, if its folder exists.
+    of: further dependencies. The caller creates the file after compiling, if its folder exists.
     """
     versions = (sys.version, numba.__version__, cpu_target.target_context.codegen().magic_tuple(), *of)
     folder = Path(numba.config.CACHE_DIR)
     folder.mkdir(parents=True, exist_ok=True)
-    return folder / f"{kernels}-{hashlib.sha256(repr(versions).encode()).hexdigest()[:16]}"
+    return folder / f"all-{hashlib.sha256(repr(versions).encode()).hexdigest()[:16]}"
 
 
 class CacheFile(IndexDataCacheFile):

@@ -30,7 +30,7 @@ def fill(root: Path) -> set[Path]:
         (kernels / name).write_bytes(b"x" * 1000)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(numba.config, "CACHE_DIR", str(kernels.parent))
-        compiled_mark("all").touch()
+        compiled_mark().touch()
     kept = SurfelCache("0123456789abcdef" * 2, root / "bakes")
     kept.save(3, np.arange(16, dtype=np.uint64), 4, np.ones((16, 6), np.float32))
     own = {

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes.brick import OCTANTS
-from patchnet.patchnet_addon.codes.corner_rows import coded_nodes, corners_of, set_corner_rows
+from patchnet.patchnet_addon.codes.corner_rows import coded_nodes, set_corner_rows
 from patchnet.patchnet_addon.codes.corners import corner_ranges, places_of
 from patchnet.patchnet_addon.codes.encode import chunk_blocks, encode_corners, make_encoder
 from patchnet.patchnet_addon.directional.node_kernels import row_of
@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.tests.engine.octree_samples import random_octree, with_boxes
-from patchnet.tests.references.codes import coded_rows_reference
+from patchnet.tests.references.codes import coded_rows_reference, corners_of
 from patchnet.tests.references.networks import NumpyEncoder
 
 

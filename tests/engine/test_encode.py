@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes.corner_rows import corners_of
 from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.file import load_codes, save_codes
 from patchnet.patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
@@ -17,6 +16,7 @@ from patchnet.patchnet_addon.runtime.errors import CodesFileError
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree
+from patchnet.tests.references.codes import corners_of
 from patchnet.tests.references.lookups import face_luminances
 from patchnet.tests.references.networks import NumpyEncoder
 

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes.corner_rows import corners_of
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.predict import MEAN_SIZE, CornerCodes, predict, write_mean_code
 from patchnet.patchnet_addon.network.compiled_layers import TILE
@@ -16,7 +15,7 @@ from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import limit_threads
 from patchnet.tests.engine.octree_samples import random_octree, with_boxes, with_sides
-from patchnet.tests.references.codes import interpolate_codes_reference, predict_reference
+from patchnet.tests.references.codes import corners_of, interpolate_codes_reference, predict_reference
 
 TOLERANCE = 1e-5  # the order of additions differs, and the reference interpolates in float64
 

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.cells.morton import morton_decode_square, morton_encode
+from patchnet.patchnet_addon.cells.morton import morton_encode
 from patchnet.patchnet_addon.cells.morton_kernels import cell_coordinate, cell_key
 from patchnet.patchnet_addon.octree.voxel_cloud import level_within, voxel_cloud, voxel_counts, voxel_runs
 from patchnet.patchnet_addon.runtime.errors import SettingError
@@ -105,13 +105,3 @@ def test_kernels_have_the_same_keys(cells, count, dtype):
     _there_and_back(cells, keys, back)
     np.testing.assert_array_equal(keys, morton_encode(cells))
     np.testing.assert_array_equal(back, cells)
-
-
-def test_places_along_the_curve_of_a_square():
-    places = np.concatenate([np.arange(64), np.random.default_rng(1).integers(0, 1 << 32, 200)])
-    x, y = morton_decode_square(places)
-    wanted = [
-        [sum((place >> (2 * bit + axis) & 1) << bit for bit in range(16)) for place in places.tolist()]
-        for axis in (0, 1)
-    ]
-    np.testing.assert_array_equal([x, y], wanted)

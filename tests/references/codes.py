@@ -18,7 +18,7 @@ from patchnet.patchnet_addon.codes.corner_cells import (
     SLOPE_BITS,
     SLOPE_STEPS,
 )
-from patchnet.patchnet_addon.codes.corner_rows import corners_of
+from patchnet.patchnet_addon.codes.corner_rows import HIGH, LOW, MAX_STEP, STEPS
 from patchnet.patchnet_addon.codes.footprint import ABSENT
 from patchnet.patchnet_addon.codes.mixture_inputs import _CELL_OF
 from patchnet.patchnet_addon.codes.outer_cells import _COLUMNS as _FIRST_COLUMN
@@ -33,6 +33,14 @@ from patchnet.patchnet_addon.tracing.render import Hits
 from patchnet.tests.references.lookups import covered_shares, covering_nodes_reference, face_luminances, ray_frames
 from patchnet.tests.references.networks import MixtureInputs, decode, decode_mixture
 from patchnet.tests.references.sides import luminance_reference
+
+
+def corners_of(table: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
+    """Rows in the codes (..., 8) int64 of the corners of coded voxels (...,), x fastest."""
+    lines = table[rows].astype(np.int64)
+    low, high, steps = (lines[..., column] for column in (LOW, HIGH, STEPS))
+    starts = np.stack([low, low + (steps & MAX_STEP), high, high + (steps >> 16)], axis=-1)  # (..., 4)
+    return (starts[..., None] + np.arange(2)).reshape(*starts.shape[:-1], 8)
 
 
 def coded_rows_reference(octree: Octree, lookahead: int) -> np.ndarray:
