@@ -26,6 +26,10 @@ class GeometryError(SceneError):
     """Unusable surface: no area, or coordinates that are not finite."""
 
 
+class EngineGoneError(PatchNetError):
+    """The engine process has ended before its answer."""
+
+
 class MemoryEstimateError(PatchNetError):
     """The requested depth would not fit in memory; the message states the estimate."""
 

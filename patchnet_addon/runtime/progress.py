@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Result = TypeVar("Result")
 _COUNTED = 1000
@@ -19,9 +19,9 @@ _COUNTED = 1000
 class Progress:
     """Progress of the step `label`: `done` of `total` units are finished.
 
-    waiting: a thread or a Blender job computes; pull again later. whole: finished share of all steps, 0 to 1, where a
-    caller counts them. left_s: seconds until all are finished. frame: frame of the animation; `step` is then the label
-    without it. note: reason for an unusual delay, or "".
+    waiting: the engine process or a Blender job computes; pull again later. whole: finished share of all steps, 0 to 1,
+    where a caller counts them. left_s: seconds until all are finished. frame: frame of the animation; `step` is then
+    the label without it. note: reason for an unusual delay, or "". partial: unfinished result that a caller may show.
     """
 
     done: float
@@ -33,6 +33,7 @@ class Progress:
     step: str = ""
     note: str = ""
     left_s: float | None = None
+    partial: Any = None
 
     @property
     def fraction(self) -> float:

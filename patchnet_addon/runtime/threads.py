@@ -13,13 +13,13 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
+from functools import cache
 from typing import Concatenate, ParamSpec
 
 Arguments = ParamSpec("Arguments")
 
 _PARTS = 8  # per thread: threads then end at nearly the same time
 _limit: int | None = None
-_pool = ThreadPoolExecutor(max((os.cpu_count() or 1) - 1, 1), "PatchNet loop")  # its threads start when they are needed
 
 
 def usable_cores() -> int:
@@ -30,6 +30,17 @@ def usable_cores() -> int:
 def thread_count() -> int:
     """Number of threads of `run_parts`: one per usable core, unless limited by `limit_threads`."""
     return min(usable_cores(), _limit or usable_cores())
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(max((os.cpu_count() or 1) - 1, 1), "PatchNet loop")  # threads start when they are needed
+
+
+def use_no_threads() -> None:
+    """Compute in the calling thread alone from now on."""
+    global _limit
+    _limit = 1
 
 
 @contextmanager
@@ -66,7 +77,7 @@ def run_parts(
         for first in left:
             kernel(first, min(first + size, count), *arguments, **named)
 
-    helpers = [_pool.submit(work) for _ in range(threads - 1)]
+    helpers = [_pool().submit(work) for _ in range(threads - 1)]
     try:
         work()
     finally:
