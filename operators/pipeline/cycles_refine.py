@@ -19,6 +19,7 @@ from ...patchnet_addon.runtime.worker import computed, run_in_worker
 from ...patchnet_addon.sampling.adaptive import Pace, in_batches
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
+from ...patchnet_addon.surface.scene_mesh import SceneMesh
 from ...patchnet_addon.surface.textures import luminance
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.pixel_filter import EVEN_FOOTPRINT
@@ -28,7 +29,6 @@ from ..scene.images import ImageReader
 from ..scene.materials import is_partly_transparent, read_material
 from ..scene.read import LEFT_OUT, read_scene
 from ..scene.render_geometry import render_geometry, shown_instances, shows_itself
-from ..scene.scene_mesh import SceneMesh
 from ..scene_access.blender_version import tree_in_use
 from ..schema.values import CYCLES, DIFFUSE, GLOSS_OFF, VISIBLE
 from ..settings.cycles_settings import REFERENCE_FACTOR, REFERENCE_SEED, WITH_GLOSS, CyclesSettings

@@ -13,11 +13,11 @@ from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.quantities import bytes_text, count_text, counted
 from ...patchnet_addon.runtime.worker import run_in_worker
+from ...patchnet_addon.surface.scene_mesh import SceneMesh
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.bake.gloss_passes import gloss_warnings, with_view
 from ..scene.cameras import focus_warnings, looking_cameras
 from ..scene.read import read_scene
-from ..scene.scene_mesh import SceneMesh
 from ..scene_access.devices import device_text
 from ..scene_access.lengths import length_text
 from ..settings.job_settings import JobSettings

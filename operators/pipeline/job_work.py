@@ -14,8 +14,8 @@ from ...patchnet_addon.runtime.eta import JobEta, range_text
 from ...patchnet_addon.runtime.progress import Result, Steps, changed
 from ...patchnet_addon.runtime.replace import temporary_path
 from ...patchnet_addon.runtime.stage_clock import StageClock
+from ...patchnet_addon.surface.scene_mesh import SceneMesh
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene.scene_mesh import SceneMesh
 from ..schema.values import SEEN_CELLS
 from ..settings.job_settings import JobSettings
 from .stages import GridChoice

@@ -25,13 +25,13 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.surface.mesh import RotatedSource, random_rotation
+from ...patchnet_addon.surface.scene_mesh import SceneMesh
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.bake.gloss_passes import baked_with_gloss, seen_through, with_view
 from ..cycles.daylight import has_light
 from ..scene.cameras import AUTO, choose_cameras, looking_cameras
 from ..scene.precision import light_warnings, thin_warnings
 from ..scene.read import read_scene
-from ..scene.scene_mesh import SceneMesh
 from ..scene.track import track_cameras
 from ..schema.values import SEEN_CELLS, SELECTED
 from ..settings.job_settings import JobSettings

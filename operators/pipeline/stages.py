@@ -21,10 +21,10 @@ from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.quantities import named_list
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
 from ...patchnet_addon.surface.mesh import MeshSource, ShadingFn
+from ...patchnet_addon.surface.scene_mesh import SceneMesh
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.empty_view import BLACK_SURFACE
 from ..scene.precision import place_warnings
-from ..scene.scene_mesh import SceneMesh
 from ..schema.values import EXACT_SHAPE, LIGHT, OCTREE, WHOLE_SHAPE
 from ..settings.groups import NETWORK_DEVICE, LightSettings, NetworkSettings
 from ..settings.job_settings import JobSettings, recorded

@@ -15,8 +15,8 @@ from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps, changed
 from ...patchnet_addon.runtime.worker import computed
+from ...patchnet_addon.surface.scene_mesh import SceneMesh
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene.scene_mesh import SceneMesh
 from ..schema.values import BOX_SHAPE, TWO_LIGHTS
 from ..settings.job_settings import JobSettings
 from .stages import GridChoice, build, two_lights

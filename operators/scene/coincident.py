@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...patchnet_addon.runtime.quantities import named_list
-from .scene_mesh import MeshInstances, Run, SceneMesh
+from ...patchnet_addon.surface.scene_mesh import MeshInstances, Run, SceneMesh
 
 _SAMPLES, _MOST_MESHES = 1 << 10, 64  # triangles of a mesh that are compared; the largest meshes that are inspected
 _MOST_BOXES = 64  # objects that are compared with others in equal boxes

@@ -10,11 +10,11 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.omissions import Omissions
+from ...patchnet_addon.surface.scene_mesh import SceneMesh
 from ..scene_access.own import is_own
 from ..state.block_hashes import FILMS, OBJECT_RAYS
 from ..state.digest import Digest, names
 from ..state.scene_state import settings_of_light
-from .scene_mesh import SceneMesh
 
 _WITHOUT_VOXELS = frozenset({"LIGHT", "VOLUME"})
 _OUTPUT = names("image_settings ffmpeg filepath")  # where renders are written to

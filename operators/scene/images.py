@@ -6,12 +6,10 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ...patchnet_addon.surface.chroma import REC709
+from ...patchnet_addon.surface.chroma import CHANNEL_WEIGHTS, CHANNELS
 from ..scene_access.blender_version import ALPHA_MODES_ARE_OF_PIXELS
 from .node_terms import TextureUse
 
-CHANNELS = {"R": 0, "G": 1, "B": 2, "A": 3}
-WEIGHTS = {"Y": REC709, "MEAN": np.full(3, 1.0 / 3.0, np.float32)}
 _SQUARES_SIDE = 512  # largest side of enlarged images with square texels; they reach at least half of it
 _RAW_SPACES = frozenset({"Non-Color", "Raw"})
 _ALPHA_COVERS = frozenset({"STRAIGHT", "PREMUL"})  # alpha modes in which Cycles multiplies colours by alpha
@@ -45,7 +43,7 @@ class ImageReader:
             self._read(use.image, straight=use.straight)
         if key not in self._channels:
             color = self.color(use)
-            values = color @ WEIGHTS[channel] if channel in WEIGHTS else color[..., CHANNELS[channel]]
+            values = color @ CHANNEL_WEIGHTS[channel] if channel in CHANNEL_WEIGHTS else color[..., CHANNELS[channel]]
             self._channels[key] = np.ascontiguousarray(values[..., None])
         return self._channels[key]
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-# Receiver collections of an object by full name, and its state there: "INCLUDE" or "EXCLUDE".
-Links = frozenset[tuple[str, str]]
+from ...patchnet_addon.surface.scene_mesh import Links
 
 
 def emitters() -> list[bpy.types.Object]:

@@ -10,9 +10,10 @@ from typing import NamedTuple, TypeVar
 import bpy
 import numpy as np
 
+from ...patchnet_addon.surface.gloss import Gloss
 from ...patchnet_addon.surface.mesh import Material, Texture
 from ..scene_access.blender_version import tree_in_use
-from .gloss import DIFFUSE, Gloss, gloss_of
+from .gloss import DIFFUSE, gloss_of
 from .images import ImageReader
 from .node_terms import CUT_OUT, ColorTerm, Input, NotUnderstoodError, NumberTerm, Output, Rgb, TextureUse, source
 from .node_values import NodeValues

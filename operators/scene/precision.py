@@ -13,8 +13,8 @@ import numpy as np
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.errors import GeometryError
 from ...patchnet_addon.runtime.quantities import named_list
+from ...patchnet_addon.surface.scene_mesh import SceneMesh
 from ...patchnet_addon.tracing.camera import Camera
-from .scene_mesh import SceneMesh
 
 LIFT_SHARE = 2.0**-18  # of the farthest coordinate: least distance from a surface at which Cycles samples light
 _LARGEST = 1e15  # squares of longer lengths, with a margin for lamps, overflow single precision

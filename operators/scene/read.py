@@ -13,7 +13,9 @@ import numpy as np
 from ...patchnet_addon.runtime.errors import EmptySelectionError
 from ...patchnet_addon.runtime.omissions import Omissions
 from ...patchnet_addon.runtime.quantities import named_list, subject
+from ...patchnet_addon.surface.local_mesh import LocalMesh
 from ...patchnet_addon.surface.mesh import Material
+from ...patchnet_addon.surface.scene_mesh import MeshInstances, SceneMesh, with_opacities
 from ..schema.values import SELECTED, VISIBLE
 from ..state.digest import origin_of_corners
 from .coincident import coincidence_warnings
@@ -23,10 +25,9 @@ from .images import ImageReader
 from .instance_values import Asked, InstanceReader, asked_values
 from .layer_names import layer_names
 from .light_links import LightLinks
-from .local_mesh import LocalMesh, read_local_mesh
+from .local_mesh import read_local_mesh
 from .materials import MaterialReading, at_least_half_opaque, is_partly_transparent, read_material
 from .render_geometry import cut_out_objects, render_geometry, shown_instances, shows_itself, shows_mesh
-from .scene_mesh import MeshInstances, SceneMesh, with_opacities
 from .strands import STRANDS, Strands, finished, hair_modifiers, read_hair, read_strands
 
 _NO_MATERIAL = ""

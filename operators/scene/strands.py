@@ -17,11 +17,12 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.quantities import named_list
+from ...patchnet_addon.surface.local_mesh import LocalMesh, packed_normals
 from ...patchnet_addon.surface.tubes import curve_middles, segments, sphere_triangles, spheres, tube_triangles, tubes
 from ..scene_access.blender_version import POLYLINES_ARE_STRAIGHT
 from ..state.digest import ATTRIBUTE_KINDS, values_of
 from .layer_names import GENERATED
-from .local_mesh import LocalMesh, generated_from_position, packed_normals
+from .local_mesh import generated_from_position
 
 Key = tuple[object, ...]
 STRANDS = frozenset({"CURVES", "POINTCLOUD"})  # types of objects

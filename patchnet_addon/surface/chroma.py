@@ -12,6 +12,9 @@ import numpy as np
 
 RED, GREEN, BLUE = 0.2126, 0.7152, 0.0722  # of luminance
 REC709 = np.array([RED, GREEN, BLUE], np.float32)
+# Numbers that one of a colour is taken for: a channel's place in it, and weights of red, green and blue.
+CHANNELS = {"R": 0, "G": 1, "B": 2, "A": 3}
+CHANNEL_WEIGHTS = {"Y": REC709, "MEAN": np.full(3, 1.0 / 3.0, np.float32)}
 SHARE_SCALE = 255.0
 GRAY_SHARE = 85
 

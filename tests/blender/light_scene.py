@@ -19,7 +19,6 @@ from patchnet.operators.cycles.bake.baker import SurfelBaker
 from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.scene.read import read_scene
-from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
@@ -27,6 +26,7 @@ from patchnet.patchnet_addon.light.surface_light import SurfaceLight
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
+from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.tests.references.clip import parts_of
 

@@ -14,12 +14,12 @@ from patchnet.operators.pipeline.lit_octree import LitOctree, build_lit_octree
 from patchnet.operators.scene import coincident, instance_values, light_links, local_mesh, read
 from patchnet.operators.scene.fingerprint import lights_hash
 from patchnet.operators.scene.read import read_scene
-from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.state import block_hashes, digest
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError, GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock
+from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
 from patchnet.tests.blender.light_scene import bake, light_of_regions, picture, regions
 from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, collection_instance, lamp, link, mesh
 from patchnet.tests.blender.shaders import material, shader, shown, simple

@@ -7,8 +7,8 @@ import bpy
 import pytest
 
 from patchnet.operators.scene.read import read_scene
-from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
+from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
 from patchnet.tests.blender.job_scene import build, saved
 
 

@@ -7,8 +7,8 @@ import pytest
 from mathutils import Euler, Matrix
 
 from patchnet.operators.scene.read import read_scene
-from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError, GeometryError
+from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
 from patchnet.tests.blender.objects import CUBE_FACES, collection_instance, link, mesh, moved_to
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 

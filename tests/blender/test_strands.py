@@ -9,12 +9,12 @@ import pytest
 
 from patchnet.operators.scene import strands
 from patchnet.operators.scene.read import read_scene
-from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.state.scene_state import SURFACE, scene_state
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
 from patchnet.tests.blender.objects import geometry_nodes, lamp, link, look_from, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import grey, simple, world

@@ -12,8 +12,8 @@ import numpy as np
 
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import computed, run_in_worker
+from ....patchnet_addon.surface.scene_mesh import SceneMesh
 from ....patchnet_addon.tracing.camera import Camera
-from ...scene.scene_mesh import SceneMesh
 from ...schema.values import AUTO, SEEN_CELLS
 from ...settings.groups import LightSettings
 from .baked_colors import ColoredLeaves, color_is_baked, colored_leaves

@@ -15,7 +15,8 @@ import bpy
 import numpy as np
 
 from ....patchnet_addon.runtime.errors import SceneError
-from ...scene.light_links import Links, emitters, members
+from ....patchnet_addon.surface.scene_mesh import Links
+from ...scene.light_links import emitters, members
 from ...scene_access.overrides import changed
 from ...scene_access.own import check_own_scene
 from ...scene_access.temporary import scene_copy, sync_view_layers, temporary

@@ -12,7 +12,7 @@ import numpy as np
 
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import computed, run_in_worker
-from ...scene.scene_mesh import SceneMesh
+from ....patchnet_addon.surface.scene_mesh import SceneMesh
 from .gloss_passes import baked_with_gloss
 from .one_sided import is_opaque, translucent_materials
 

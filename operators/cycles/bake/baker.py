@@ -18,9 +18,8 @@ from ....patchnet_addon.runtime.omissions import Omissions
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import computed
 from ....patchnet_addon.surface.chroma import REC709
-from ...scene.light_links import Links
+from ....patchnet_addon.surface.scene_mesh import Links, SceneMesh
 from ...scene.precision import LIFT_SHARE
-from ...scene.scene_mesh import SceneMesh
 from ...scene_access.devices import bakes_on_gpu
 from ...scene_access.temporary import temporary
 from ...scene_access.window_job import window_is_alive

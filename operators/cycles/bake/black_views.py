@@ -13,7 +13,7 @@ from ....patchnet_addon.runtime.bounds import MAX_DEPTH
 from ....patchnet_addon.runtime.progress import drain
 from ....patchnet_addon.runtime.quantities import named_list
 from ....patchnet_addon.surface.mesh import Fragments, ShadingFn
-from ...scene.scene_mesh import SceneMesh
+from ....patchnet_addon.surface.scene_mesh import SceneMesh
 from ...schema.values import GLOSS_OFF
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ....patchnet_addon.runtime.errors import SceneError
 from ....patchnet_addon.runtime.quantities import subject
-from ...scene.scene_mesh import SceneMesh
+from ....patchnet_addon.surface.scene_mesh import SceneMesh
 from ...schema.values import GLOSS_AUTO, GLOSS_CAMERA, GLOSS_OFF
 from ...settings.groups import LightSettings
 

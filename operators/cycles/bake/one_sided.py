@@ -13,8 +13,8 @@ import bpy
 import numpy as np
 
 from ....patchnet_addon.surface.mesh import Material
+from ....patchnet_addon.surface.scene_mesh import SceneMesh
 from ...scene.layer_names import all_nodes
-from ...scene.scene_mesh import SceneMesh
 from ...scene_access.blender_version import tree_in_use
 
 _TRANSLUCENT = "BSDF_TRANSLUCENT"

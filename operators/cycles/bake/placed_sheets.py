@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ....patchnet_addon.surface.scene_mesh import SceneMesh
 from ....patchnet_addon.tracing.camera import Camera
-from ...scene.scene_mesh import SceneMesh
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ....patchnet_addon.light.sheets import Sheets

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
+from ....patchnet_addon.surface.scene_mesh import Run, SceneMesh
 from ....patchnet_addon.surface.sides import BACK
 from ...scene.layer_names import own_name
-from ...scene.scene_mesh import Run, SceneMesh
 from ...scene_access.polygons import add_polygons
 from .object_data import OBJECT
 

@@ -9,15 +9,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...patchnet_addon.runtime.errors import GeometryError
-from ...patchnet_addon.runtime.quantities import named_list
-from ...patchnet_addon.surface.mesh import Material, Texture, TriangleBatch
+from ..runtime.errors import GeometryError
+from ..runtime.quantities import named_list
+from .chroma import CHANNEL_WEIGHTS, CHANNELS
 from .gloss import Gloss
-from .images import CHANNELS, WEIGHTS
-from .light_links import Links
 from .local_mesh import LocalMesh
+from .mesh import Material, Texture, TriangleBatch
 
 BATCH_TRIANGLES = 250_000
+# Receiver collections of an object by full name, and its state there: "INCLUDE" or "EXCLUDE".
+Links = frozenset[tuple[str, str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +249,7 @@ def _coordinates(values: np.ndarray, channel: str) -> np.ndarray:
     if values.shape[-1] == 1:
         return values
     colors = values[..., :3]
-    weights = WEIGHTS.get(channel, np.eye(3, dtype=np.float32)[CHANNELS.get(channel, 0)])
+    weights = CHANNEL_WEIGHTS.get(channel, np.eye(3, dtype=np.float32)[CHANNELS.get(channel, 0)])
     return (colors @ weights[: colors.shape[-1]])[..., None]
 
 
