@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ...patchnet_addon.cells.leaf_boxes import WHOLE
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.cube_map import CubeMap
 from ...patchnet_addon.network.weights import Weights
@@ -60,8 +61,6 @@ CODED_WORDS: dict[str, Callable[[CodedOctree], np.ndarray]] = {
 
 def node_words(octree: Octree) -> np.ndarray:
     """Words (n, 2) uint32 of nodes: first child, or of a leaf its box; children 8 bits, luminance 16, flags."""
-    from ...patchnet_addon.cells.leaf_boxes import WHOLE  # numba comes with it
-
     words = np.empty((octree.node_count, 2), np.uint32)
     words[:, 0] = np.where(octree.child_mask == 0, np.uint32(WHOLE), octree.first_child)
     words[:, 1] = octree.child_mask

@@ -36,7 +36,7 @@ from .unfinished import Ground
 from .views import View
 
 if TYPE_CHECKING:
-    from ...patchnet_addon.tracing.supersample import PixelMeans
+    from ...patchnet_addon.tracing.pixel_means import PixelMeans
 
 
 REFINED, COMPOSITED, OVER_UNREFINED, FULL = "refined_octree", "composited", "composited_over_unrefined", "full"
@@ -259,7 +259,8 @@ def _rendered(
 
 def _own_rays(view: View, pixels: np.ndarray) -> Steps[PixelMeans]:
     """Means over OWN_SIDE x OWN_SIDE rays, as in renders of the engine, in pixels (N,) of all P; 0 in the others."""
-    from ...patchnet_addon.tracing.supersample import PixelMeans, supersample_pixels
+    from ...patchnet_addon.tracing.pixel_means import PixelMeans
+    from ...patchnet_addon.tracing.supersample import supersample_pixels
 
     octree, camera = view.octree, view.camera
     count = camera.pixel_count

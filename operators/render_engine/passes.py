@@ -21,7 +21,7 @@ import numpy as np
 if TYPE_CHECKING:
     from ...patchnet_addon.octree.octree import Octree
     from ...patchnet_addon.sampling.adaptive import AdaptivePicture
-    from ...patchnet_addon.tracing.render import Hits
+    from ...patchnet_addon.tracing.hits import Hits
 
 NO_DEPTH = 1e10  # what Cycles writes
 BY_PRIORITY = ("Priority", "Coverage")  # only if pixels are refined by priority

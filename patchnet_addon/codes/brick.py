@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..cells.leaf_boxes import filled_share
+from ..cells.leaf_box_kernels import filled_share
 from ..cells.morton import POPCOUNT
 from ..cells.scales import LUMINANCE_SCALE, NORMAL_SCALE
 from ..network.encoders import CHANNELS, LUMINANCE, NORMAL, OCCUPANCY

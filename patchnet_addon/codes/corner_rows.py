@@ -20,7 +20,6 @@ from ..directional.node_light import marked
 from ..octree.octree import Octree
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
 from ..runtime.errors import SettingError
-from ..runtime.kernels import device
 
 LOW, HIGH, STEPS = range(3)  # columns: rows of (x, y, z) and (x, y, z + 1), and the offsets
 COLUMNS = 3
@@ -53,15 +52,6 @@ def last_row(table: np.ndarray) -> int:
     """Last row in the codes referenced by a table (K, 3), -1 for none."""
     steps = np.stack([table[:, STEPS] & MAX_STEP, table[:, STEPS] >> 16], axis=1)
     return int((table[:, :STEPS] + steps.astype(np.int64)).max(initial=-2)) + 1
-
-
-@device
-def corner_row(table, row, octant):
-    """Row in the codes of one corner, x + 2 y + 4 z, of a coded voxel."""
-    start = np.int64(table[row, HIGH if octant & 4 else LOW])
-    if octant & 2:
-        start += (np.int64(table[row, STEPS]) >> (4 * (octant & 4))) & MAX_STEP
-    return start + (octant & 1)
 
 
 def set_corner_rows(table: np.ndarray, lines: np.ndarray, octant: int, starts: np.ndarray) -> None:

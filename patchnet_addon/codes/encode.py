@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..cells.leaf_boxes import filled_share
+from ..cells.leaf_box_kernels import filled_share
 from ..cells.scales import LUMINANCE_SCALE, NORMAL_SCALE
 from ..network.devices import CPU, enough_memory, found_device
 from ..network.encoders import CHANNELS, LUMINANCE, NORMAL, OCCUPANCY, Encoder, octant_matrices

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..cells.leaf_boxes import STEPS, covered_steps
+from ..cells.leaf_box_kernels import covered_steps
+from ..cells.leaf_boxes import STEPS
 from ..cells.scales import LUMINANCE_SCALE
 from ..directional.node_kernels import luminance_along
 from ..directional.node_light import NodeLight
@@ -18,7 +19,7 @@ from ..runtime.kernels import array_device, device
 from ..runtime.vectors import LANES, lowest_one
 from .brick import OCTANTS
 from .coded_octree import CodedOctree
-from .corner_rows import corner_row
+from .corner_row_kernels import corner_row
 from .footprint import FootprintTile, empty_footprint_tile, fine_place, set_frame
 from .outer_cells import OuterList, empty_outer_list, list_cells, mask_geometry, measure_cells, unpack_cells
 from .ray_frame import CELLS, SIDE, cell_order, ray_frame

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..cells.leaf_boxes import STEPS, box_side
+from ..cells.leaf_box_kernels import box_side
+from ..cells.leaf_boxes import STEPS
 from ..cells.scales import LUMINANCE_SCALE
 from ..directional.node_kernels import luminance_along
 from ..directional.node_light import NodeLight
@@ -24,11 +25,12 @@ from ..runtime.kernels import array_device, device, kernel
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
 from ..runtime.vectors import count_ones
+from ..tracing.render import ray_up
 from .brick import check_nodes, empty_brick, fill_brick
-from .predict import Prediction
+from .prediction import Prediction
 
 if TYPE_CHECKING:
-    from ..tracing.render import Hits
+    from ..tracing.hits import Hits
 
 _CHUNK = 16384  # pixels
 VIEWPORT_PX = 64
@@ -279,6 +281,6 @@ def _patch_rays(hits: Hits, pixels: np.ndarray) -> PatchRays:
         group_start=np.append(first, len(pixels)),
         entry_voxel=hits.entry_voxel[pixels],
         direction=hits.direction[pixels],
-        up=hits.up[pixels],
+        up=ray_up(hits.direction[pixels], hits.camera_up),
         ratio=hits.ratio[pixels],
     )

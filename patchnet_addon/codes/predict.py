@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -24,13 +23,16 @@ from ..network.kinds import CODE_SIZE, CORNERS, COVERED, COVERING, RAY_INPUTS, S
 from ..runtime.kernels import array_device, device, kernel
 from ..runtime.threads import run_parts
 from ..runtime.vectors import HALF_SCALE, add_product, load_halves, splat, store
+from ..tracing.render import ray_up
 from .coded_octree import CodedOctree
-from .corner_rows import CodedNodes, corner_row
+from .corner_row_kernels import corner_row
+from .corner_rows import CodedNodes
 from .footprint import PixelRay, clear_tile, measure_tile
 from .mixture_inputs import NearbyCells, empty_cell_work, place_pixel
+from .prediction import Prediction
 
 if TYPE_CHECKING:
-    from ..tracing.render import Hits
+    from ..tracing.hits import Hits
 
 _SCALE = np.float32(HALF_SCALE)
 MEAN_SIZE = 16  # of a mean written by `write_mean_code`: two vectors of eight numbers, which overlap in the code
@@ -66,7 +68,7 @@ class PixelRays(NamedTuple):
     @classmethod
     def of(cls, hits: Hits) -> PixelRays:
         """Rays of all pixels of a view, for kernels."""
-        floats = (hits.entry_voxel, hits.direction, hits.up, hits.ratio)
+        floats = (hits.entry_voxel, hits.direction, ray_up(hits.direction, hits.camera_up), hits.ratio)
         return cls(
             np.ascontiguousarray(hits.node, np.int64), *(np.ascontiguousarray(array, np.float32) for array in floats)
         )
@@ -133,29 +135,6 @@ def fill_rays(rays, pixels, inputs):
             inputs[(DIRECTION + axis) * TILE + place] = direction[pixel, axis]
             inputs[(UP + axis) * TILE + place] = up[pixel, axis]
         inputs[RATIO * TILE + place] = ratio[pixel]
-
-
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """Prediction for each of P pixels.
-
-    coverage: (P,) float32, sigma, share of the pixel that the patch covers; 1 without look-ahead.
-    luminance: (P,) float32, L_N, mean luminance of that share; that of the preview without look-ahead. look_ahead: (P,)
-    bool, the hit voxel has descendants at the patch's depth (methods 4.1b); false for misses.
-    """
-
-    coverage: np.ndarray
-    luminance: np.ndarray
-    look_ahead: np.ndarray
-
-    def __getitem__(self, pixels: np.ndarray) -> Prediction:
-        """Prediction for pixels by index (N,)."""
-        return Prediction(self.coverage[pixels], self.luminance[pixels], self.look_ahead[pixels])
-
-    def __setitem__(self, pixels: np.ndarray, found: Prediction) -> None:
-        """Replace the prediction of pixels by index (N,)."""
-        self.coverage[pixels], self.luminance[pixels] = found.coverage, found.luminance
-        self.look_ahead[pixels] = found.look_ahead
 
 
 def predict(coded: CodedOctree, hits: Hits) -> Prediction:

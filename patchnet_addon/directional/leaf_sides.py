@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..cells.leaf_boxes import STEPS, covered_steps, ends_of_axis
+from ..cells.leaf_box_kernels import covered_steps, ends_of_axis
+from ..cells.leaf_boxes import STEPS
 from ..runtime.kernels import device, kernel
 from ..surface.chroma_kernels import encode_chroma
 from ..surface.side_kernels import face_towards

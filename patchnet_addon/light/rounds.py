@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .light_cells import LightCells
+if TYPE_CHECKING:
+    from .light_cells import LightCells
 
 FIRST_SAMPLES, MORE = 4, 4  # paths of each surfel in the first round; factor of each further round on their number
 _WHITE = 0.995  # quantile of radiance that a picture shows white

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..cells.leaf_boxes import WHOLE, joined_boxes, unpacked
+from ..cells.leaf_box_kernels import joined_boxes
+from ..cells.leaf_boxes import WHOLE, unpacked
 from ..directional.leaf_sides import FACE_HUE, FACE_SUM, FaceSums, LeafSides, add_to_faces, leaf_sides
 from ..runtime.bounds import INT32_COUNT, NODE_ADVICE, check_count
 from ..runtime.kernels import device, kernel

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..cells.leaf_boxes import packed_axis
+from ..cells.leaf_box_kernels import packed_axis
 from ..cells.morton_kernels import cell_key
 from ..runtime.kernels import device, kernel
 from ..surface.polygon import (

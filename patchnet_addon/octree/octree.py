@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..cells.leaf_boxes import FILLED_STEPS, filled_steps
 from ..cells.morton import POPCOUNT, morton_decode
 from ..cells.scales import LUMINANCE_SCALE, NORMAL_SCALE
 from ..directional.node_light import NO_HIGHLIGHTS, NO_SIDES, HdrHighlights, NodeLight, marked, sides_of
@@ -119,8 +120,6 @@ class Octree:
     @property
     def filled(self) -> np.ndarray:
         """Share of its voxel that each node fills, (n,) uint16 in steps of 1 / FILLED_STEPS (`leaf_boxes.py`)."""
-        from ..cells.leaf_boxes import FILLED_STEPS, filled_steps  # imports numba
-
         found = np.full(self.node_count, FILLED_STEPS, np.uint16)
         if self.leaf_box is not None:
             found[self.level_start[self.depth] :] = filled_steps(self.leaf_box)

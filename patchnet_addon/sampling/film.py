@@ -19,7 +19,8 @@ from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
 from ..tracing.camera import Camera
 from ..tracing.pixel_filter import GRID, PixelFilter, RayPattern
-from ..tracing.supersample import MAX_SIDE, PixelMeans, SpreadPixels, spread_pixels
+from ..tracing.pixel_means import PixelMeans
+from ..tracing.supersample import MAX_SIDE, SpreadPixels, spread_pixels
 
 CHANNELS = 4  # red, green, blue, coverage
 _ONE = 2.0**32  # of the sums

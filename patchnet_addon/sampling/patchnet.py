@@ -12,7 +12,7 @@ from .pixel_buffers import PixelBuffers
 from .strategy import EXACT, PREDICTION, Strategy
 
 if TYPE_CHECKING:
-    from ..codes.predict import Prediction
+    from ..codes.prediction import Prediction
 
 LUMINANCE_WEIGHT = 5.0  # lambda of the paper
 

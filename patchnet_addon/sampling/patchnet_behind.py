@@ -13,7 +13,7 @@ from .predicted import expected_luminance
 from .strategy import BEHIND, EXACT, PREDICTION, Strategy
 
 if TYPE_CHECKING:
-    from ..codes.predict import Prediction
+    from ..codes.prediction import Prediction
 
 _NEIGHBOURS = ((0, 1), (1, -1), (1, 0), (1, 1))  # offsets of half the neighbours; the pairs are symmetric
 

@@ -12,8 +12,8 @@ import numpy as np
 from .predicted import PREDICTED, PREVIEW, expected_colors, expected_luminance
 
 if TYPE_CHECKING:
-    from ..codes.predict import Prediction
-    from ..tracing.render import Hits
+    from ..codes.prediction import Prediction
+    from ..tracing.hits import Hits
     from .plus.weights import Estimators
 
 

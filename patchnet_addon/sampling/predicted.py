@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from ..codes.predict import Prediction
+    from ..codes.prediction import Prediction
 
 PREVIEW, PREDICTED = "preview", "predicted"  # picture shown in unrefined pixels
 UNREFINED = (PREVIEW, PREDICTED)

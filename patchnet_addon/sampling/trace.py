@@ -31,7 +31,7 @@ from .strategy import (
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
-    from ..tracing.supersample import PixelMeans
+    from ..tracing.pixel_means import PixelMeans
 
 
 def trace_view(

@@ -14,7 +14,7 @@ from ..octree.octree import Octree
 from .camera import PERSPECTIVE, Camera
 
 if TYPE_CHECKING:
-    from .render import Hits
+    from .hits import Hits
 
 _BLACK = 1.5e-4  # luminance that 8 bits of a picture round to black
 _FEW_PIXELS = 4

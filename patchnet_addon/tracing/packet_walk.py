@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..cells.leaf_boxes import STEPS, mirrored_span
+from ..cells.leaf_box_kernels import mirrored_span
+from ..cells.leaf_boxes import STEPS
 from ..octree.pieces import NO_PIECES
 from ..runtime.kernels import device
 from ..runtime.vectors import (

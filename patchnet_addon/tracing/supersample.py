@@ -21,9 +21,11 @@ from ..runtime.vectors import LANES, lowest_one
 from ..surface.chroma_kernels import decode_color
 from .camera import Camera, CameraUnit, camera_in_unit_cube
 from .chosen import Chosen, aim_pixels, corner_of
+from .hits import Hits
 from .piece_light import see_piece
 from .pixel_filter import PixelFilter, Splat, box_splat, grid_places, splat_of
-from .render import Hits, finer_than_pixel
+from .pixel_means import PixelMeans
+from .render import finer_than_pixel
 from .tile import (
     COARSE,
     DIRECTION,
@@ -50,17 +52,6 @@ _NO_CHROMA = np.empty((0, 2), np.uint8)
 LUMINANCE, COLOR, COVERAGE, MEANS = 0, 1, 4, 5  # columns of means: red, green and blue from COLOR on; their number
 _ROWS_PER_STEP = 8
 _BEYOND = 1e-9  # a hole, in the octree's cube
-
-
-class PixelMeans(NamedTuple):
-    """Means over side x side rays of N pixels, over a black background.
-
-    luminance: (N,) float32. colors: (N, 3) float32 linear. coverage: (N,) float32, share of the rays that hit.
-    """
-
-    luminance: np.ndarray
-    colors: np.ndarray
-    coverage: np.ndarray
 
 
 class _Seen(NamedTuple):

@@ -17,7 +17,8 @@ from ..runtime.errors import SceneError, SettingError
 from ..runtime.progress import Progress, Steps
 from .camera import FRAMING_DIRECTION, Camera
 from .detail import detailed_core, surface_detail
-from .render import Hits, first_hits
+from .hits import Hits
+from .render import first_hits
 
 FOV = float(np.radians(60.0))  # vertical
 MAX_VIEWPOINTS = 64

@@ -8,7 +8,7 @@ import pytest
 
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.codes.predict import Prediction
+from patchnet.patchnet_addon.codes.prediction import Prediction
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain

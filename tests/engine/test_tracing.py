@@ -79,7 +79,7 @@ def test_contract_holds_at_every_hit(octree):
     leaf = octree.child_mask[hits.node[hits.hit]] == 0
     assert (leaf | (side_voxel < 2 * side_pixel * (1 + 1e-6))).all()
     np.testing.assert_allclose(hits.ratio[hits.hit], np.clip(side_pixel / side_voxel, 0.5, 1), rtol=1e-5)
-    assert (np.abs((hits.up * hits.direction).sum(axis=1)) < 1e-6).all()
+    assert (np.abs((ray_up(hits.direction, hits.camera_up) * hits.direction).sum(axis=1)) < 1e-6).all()
 
 
 @pytest.mark.parametrize("side", [2, 4, 9])

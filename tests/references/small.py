@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from patchnet.patchnet_addon.cells.leaf_boxes import _MARGIN, STEPS
+from patchnet.patchnet_addon.cells.leaf_box_kernels import _MARGIN
+from patchnet.patchnet_addon.cells.leaf_boxes import STEPS
 from patchnet.patchnet_addon.sampling.plus.features import HIGHEST, LOWEST, features_of, windows_of
 from patchnet.patchnet_addon.sampling.plus.forms import FORMS, Form
 from patchnet.patchnet_addon.sampling.plus.weights import Estimators, Network, layer_sizes

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...patchnet_addon.cells.leaf_boxes import filled_share
+from ...patchnet_addon.cells.leaf_box_kernels import filled_share
 from ...patchnet_addon.cells.scales import LUMINANCE_SCALE, NORMAL_SCALE
 from ...patchnet_addon.codes.brick import MIDDLE, Brick, empty_brick, fill_blocks, nodes_around
 from ...patchnet_addon.codes.footprint import PixelRay

@@ -23,7 +23,8 @@ from ....patchnet_addon.network.weights import Weights, load_weights
 from ....patchnet_addon.runtime.errors import SettingError
 from ....patchnet_addon.runtime.progress import drain
 from ....patchnet_addon.tracing.camera import Camera
-from ....patchnet_addon.tracing.render import Hits, first_hits
+from ....patchnet_addon.tracing.hits import Hits
+from ....patchnet_addon.tracing.render import first_hits
 from ...benchmarks.timing import comparison, timed
 from .inputs import given_octree, use_threads
 

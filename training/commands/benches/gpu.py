@@ -29,8 +29,9 @@ from ....patchnet_addon.runtime.threads import limit_threads, usable_cores
 from ....patchnet_addon.sampling.registry import STRATEGIES
 from ....patchnet_addon.sampling.trace import trace_view
 from ....patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
+from ....patchnet_addon.tracing.hits import Hits
 from ....patchnet_addon.tracing.pixel_filter import BLACKMAN_HARRIS, PixelFilter, rook_places
-from ....patchnet_addon.tracing.render import Hits, first_hits
+from ....patchnet_addon.tracing.render import first_hits
 from ...benchmarks.timing import comparison, timed
 from .decode import camera_around
 from .egl_device import EglDevice
