@@ -88,11 +88,10 @@ def _estimate(
     source: SceneMesh, cameras: Sequence[Camera], fit: Sequence[Camera], settings: JobSettings
 ) -> Steps[Estimate]:
     """Estimate of pictures through cameras; fit: those that leaves and light are fitted to."""
-    from ...patchnet_addon.lod import depth as given
-    from ...patchnet_addon.lod.depth import available_memory, peak_bytes, stored_bytes
+    from ...patchnet_addon.lod.depth import coarse_octree, expected_share
+    from ...patchnet_addon.lod.memory import available_memory, expected_leaves, peak_bytes, stored_bytes
     from ...patchnet_addon.octree.blocks import plan_passes
-    from ...patchnet_addon.octree.leaf_levels import LeafLevels
-    from ...patchnet_addon.octree.voxelize import BLOCK_FRAGMENTS
+    from ...patchnet_addon.octree.leaf_levels import BLOCK_FRAGMENTS, LeafLevels
 
     surface, light = settings.surface, settings.light
     lookahead = load_network(settings.network).lookahead
@@ -103,11 +102,11 @@ def _estimate(
     else:
         grid = surface.given_grid(source)
         bounds_world = surface.bounds_world(source)
-        coarse = yield from labelled(given.coarse_octree(source, bounds_world=bounds_world), "Estimating")
+        coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Estimating")
         yield Progress(1, 2, "Estimating: what cameras see")
         layout = LeafLevels.uniform(grid.depth)
-        leaves = rough_leaves = given.expected_leaves(coarse, grid.depth)
-        share = given.expected_share(coarse, cameras, grid.depth, lookahead=lookahead)
+        leaves = rough_leaves = expected_leaves(coarse, grid.depth)
+        share = expected_share(coarse, cameras, grid.depth, lookahead=lookahead)
     rates = Rates()
     triangles = source.triangle_count
     pixels = sum(camera.pixel_count for camera in cameras)

@@ -191,7 +191,7 @@ def light_octree(
     each_round: takes the octree after each round of a bake but the last, if it is less noisy than what is known,
     unless baking a further round took less time than that.
     """
-    from ...patchnet_addon.lod.depth import available_memory
+    from ...patchnet_addon.lod.memory import available_memory
     from ...patchnet_addon.octree.voxelize import ClippedSurface
 
     overrides, source, settings = surface.overrides, surface.source, surface.settings

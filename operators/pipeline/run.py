@@ -15,6 +15,7 @@ import numpy as np
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.file import save_codes
 from ...patchnet_addon.export.fine_light import LIGHT_NOISE, fine_light_values
+from ...patchnet_addon.lod.memory import stored_bytes
 from ...patchnet_addon.network.devices import found_device
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import save_octree
@@ -207,8 +208,6 @@ def _lit(job: _Job, before: Before | None) -> Steps[tuple[LitOctree | Before, li
     choice = yield from choose_leaves(context, surface, clock, fit)
     job.plan.make(surface.source, choice, cameras)
     if settings.out is not None:
-        from ...patchnet_addon.lod.depth import stored_bytes  # imports numba
-
         check_room(settings.out, stored_bytes(choice.leaves, settings.contents), "The voxels")
     known_noise = _known_noise(before, surface)
     if job.meanwhile is not None and settings.light.is_baked and known_noise == np.inf:

@@ -32,7 +32,7 @@ from .reports import versions
 
 if TYPE_CHECKING:  # needed only when an octree is built
     from ...patchnet_addon.light.surface_light import SurfaceLight
-    from ...patchnet_addon.lod.fit import FittedLevels
+    from ...patchnet_addon.lod.fitted_levels import FittedLevels
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
     from ...patchnet_addon.octree.voxelize import ClippedSurface
 
@@ -69,7 +69,8 @@ def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetti
 
 def _even_grid(source: MeshSource, _cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
     """Grid of a given depth or voxel size."""
-    from ...patchnet_addon.lod.depth import check_memory, coarse_octree, expected_leaves
+    from ...patchnet_addon.lod.depth import coarse_octree
+    from ...patchnet_addon.lod.memory import check_memory, expected_leaves
 
     grid = settings.surface.given_grid(source)
     bounds_world = settings.surface.bounds_world(source)
@@ -81,7 +82,7 @@ def _even_grid(source: MeshSource, _cameras: Sequence[Camera], settings: JobSett
 
 def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
     """Grid with leaves as deep as the cameras need, within the memory limit."""
-    from ...patchnet_addon.lod.depth import LOOK_AHEAD_SHARE
+    from ...patchnet_addon.lod.fitted_levels import LOOK_AHEAD_SHARE
 
     grid, fitted = yield from fitted_levels(source, cameras, settings)
     warnings: tuple[str, ...] = ()
@@ -97,8 +98,9 @@ def fitted_levels(
     source: MeshSource, cameras: Sequence[Camera], settings: JobSettings, *, rough: bool = False
 ) -> Steps[tuple[Grid, FittedLevels]]:
     """Grid and levels of leaves for the cameras, within the memory limit; `rough`: an estimate, in less time."""
-    from ...patchnet_addon.lod.depth import available_memory, max_leaves
-    from ...patchnet_addon.lod.fit import LAYOUT_BYTES, fit_leaf_levels
+    from ...patchnet_addon.lod.fit import fit_leaf_levels
+    from ...patchnet_addon.lod.fitted_levels import LAYOUT_BYTES
+    from ...patchnet_addon.lod.memory import available_memory, max_leaves
     from ...patchnet_addon.surface.shading import opacity_shade
 
     grid = Grid.around(settings.surface.bounds_world(source), MAX_DEPTH)

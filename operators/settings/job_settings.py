@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+from ...patchnet_addon.lod.memory import Contents
 from ...patchnet_addon.runtime.errors import SettingError
 from ..schema.setting import Effect, Kind, Setting, names_of, rows_of
 from ..schema.values import CAMERAS, CYCLES, EXACT_SHAPE, IMPORTANCE, LIGHT, NOTHING, OCTREE, OUTPUT, VIEW
@@ -16,8 +17,6 @@ from .groups import LightSettings, NetworkSettings, SurfaceSettings, ViewSetting
 
 if TYPE_CHECKING:
     import bpy
-
-    from ...patchnet_addon.lod.depth import Contents
 
 ESTIMATED = (OCTREE, LIGHT, CAMERAS)  # inputs of an estimate
 _PARTS = {VIEW: (CAMERAS, VIEW, IMPORTANCE)}  # of a step with several inputs
@@ -116,8 +115,6 @@ class JobSettings:
     @property
     def contents(self) -> Contents:
         """What the octree holds, for estimates of its memory."""
-        from ...patchnet_addon.lod.depth import Contents  # imports numba
-
         return Contents(self.light.color, self.light.has_sides, self.surface.shape == EXACT_SHAPE)
 
 

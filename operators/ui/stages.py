@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ...patchnet_addon.export.fine_light import fine_light_text
+from ...patchnet_addon.lod.fitted_levels import LOOK_AHEAD_SHARE
 from ...patchnet_addon.runtime.quantities import error_text
 from ...patchnet_addon.sampling.registry import STRATEGIES
 from ..schema.setting import Place
@@ -97,8 +98,6 @@ def advice(result: SceneResult, values: bpy.types.PropertyGroup) -> list[str]:
 
 
 def _look_ahead(result: SceneResult, values: bpy.types.PropertyGroup) -> str:
-    from ...patchnet_addon.lod.depth import LOOK_AHEAD_SHARE  # loaded already, as there is a result
-
     share = result.lookahead_share
     if share is None or share >= LOOK_AHEAD_SHARE:
         return ""

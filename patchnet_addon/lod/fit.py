@@ -9,7 +9,7 @@ requests are estimates, which the next round corrects. Light does not matter, op
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,10 +27,9 @@ from ..runtime.kernels import kernel
 from ..runtime.progress import Progress, Steps, labelled
 from ..surface.mesh import MeshSource, ShadingFn
 from ..tracing.camera import Camera, camera_in_unit_cube
+from .fitted_levels import BLOCK_LEVEL, FittedLevels
 from .stops import FINE_OFFSETS, RayStops, bands_of, ray_stops
 
-BLOCK_LEVEL = 8  # also the level of invisible leaves
-LAYOUT_BYTES = 16 * 8**BLOCK_LEVEL  # data of each block, and further data of fitting
 LEVELS_PER_ROUND = 2
 _COARSER = 2  # distance of rays in levels of pixels, in all but the last round: a block covers many pixels
 LABEL = "Fitting to the cameras"
@@ -119,21 +118,6 @@ def _count(stops: RayStops, block_level: int, pixels: np.ndarray) -> None:
         else:
             block = cell_key(x, y, z) << np.uint64(-3 * deeper)
         pixels[block] += np.uint32(1)
-
-
-@dataclass(frozen=True, eq=False)
-class FittedLevels:
-    """Levels of the leaves, and their limit.
-
-    wanted: deepest level that the cameras need. leaves: approximate number of leaves. lookahead_share: share of hit
-    pixels with look-ahead in the camera with the smallest share; 1 without a limit, if leaves are as deep as all
-    cameras need, and None without hits.
-    """
-
-    layout: LeafLevels
-    wanted: int
-    leaves: int
-    lookahead_share: float | None
 
 
 def fit_leaf_levels(

@@ -25,7 +25,7 @@ from .accumulate import LeafSums, SurfaceSums
 from .collect_pieces import LeafPieces, joined_pieces
 from .exposure import Emitters, exposure_without_emitters
 from .grid import Grid
-from .leaf_levels import LeafLevels
+from .leaf_levels import BLOCK_FRAGMENTS, LeafLevels
 from .levels import (
     area_and_normal,
     means_of_level,
@@ -35,7 +35,7 @@ from .levels import (
     sums_of_level,
 )
 from .octree import Octree
-from .voxelize import BLOCK_FRAGMENTS, PLAIN_LEAVES, ClippedSurface, LeafDetail, voxelize
+from .voxelize import PLAIN_LEAVES, ClippedSurface, LeafDetail, voxelize
 
 _LEAST_ABOVE = 1.0 / 65535.0  # least stored luminance above white, the step of luminance itself
 

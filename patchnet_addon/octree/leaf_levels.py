@@ -10,6 +10,9 @@ import numpy as np
 
 from ..runtime.bounds import MAX_DEPTH
 
+# Fragments whose leaves are summed at a time; a leaf takes 75 to 200 bytes meanwhile.
+BLOCK_FRAGMENTS = 16_000_000
+
 
 @dataclass(frozen=True, eq=False)
 class LeafLevels:

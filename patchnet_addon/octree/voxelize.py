@@ -23,13 +23,11 @@ from .blocks import CellSet, all_cells, plan_passes, tasks_of, to_cells
 from .clip import clip_triangles
 from .collect_pieces import PieceCollector
 from .grid import Grid
-from .leaf_levels import LeafLevels
+from .leaf_levels import BLOCK_FRAGMENTS, LeafLevels
 
 Kept = TypeVar("Kept")
 Watch = Callable[[TriangleBatch, Fragments, np.ndarray], None]
 
-# Fragments whose leaves are summed at a time; a leaf takes 75 to 200 bytes meanwhile.
-BLOCK_FRAGMENTS = 16_000_000
 KEPT_BYTES = 40  # of a fragment that is kept
 _BATCHES_AHEAD = 2
 

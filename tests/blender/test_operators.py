@@ -172,7 +172,7 @@ def test_light_is_baked_on_what_was_voxelized(scene: bpy.types.Scene) -> None:
 def test_bad_input_changes_nothing(
     scene: bpy.types.Scene, settings: dict[str, object], message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("patchnet.patchnet_addon.lod.depth.available_memory", lambda: 1 << 30)
+    monkeypatch.setattr("patchnet.patchnet_addon.lod.memory.available_memory", lambda: 1 << 30)
     for item in scene.objects:
         item.select_set(False)
     before = scene_snapshot()

@@ -121,7 +121,7 @@ def test_bad_arguments_end_with_one_sentence(
     arguments: list[str], message: str, scene_file: Path, tmp_path: Path, weights: Path,
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr("patchnet.patchnet_addon.lod.depth.available_memory", lambda: 1 << 30)
+    monkeypatch.setattr("patchnet.patchnet_addon.lod.memory.available_memory", lambda: 1 << 30)
     assert run(scene_file, tmp_path / "out", weights, *arguments) == 2
     assert_one_sentence(capsys.readouterr().err, message)
     assert not (tmp_path / "out").exists()

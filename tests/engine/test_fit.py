@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.lod import fit
 from patchnet.patchnet_addon.lod.fit import fit_leaf_levels, needed_levels
+from patchnet.patchnet_addon.lod.fitted_levels import BLOCK_LEVEL
 from patchnet.patchnet_addon.lod.stops import FINE_OFFSETS, bands_of
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
@@ -150,7 +150,7 @@ def test_a_track_serves_all_its_cameras(mesh, camera):
 def test_a_camera_that_looks_away_asks_for_nothing(mesh):
     away = Camera.look_at(np.array([0.0, -3.0, 0.5]), np.array([0.0, -9.0, 0.5]), size_px=(16, 16))
     fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [away], even()))
-    assert fitted.layout.used == (fit.BLOCK_LEVEL,) and fitted.lookahead_share is None
+    assert fitted.layout.used == (BLOCK_LEVEL,) and fitted.lookahead_share is None
 
 
 def test_the_estimate_is_about_the_fitted_octree(mesh, camera, fitted):
@@ -161,7 +161,7 @@ def test_the_estimate_is_about_the_fitted_octree(mesh, camera, fitted):
     less = drain(fit_leaf_levels(mesh, grid, [camera], even(), max_leaves=0.5 * rough.leaves, rough=True))
     assert less.leaves <= 0.5 * rough.leaves
     none = drain(fit_leaf_levels(mesh, grid, [camera], even(), max_leaves=0.0, rough=True))
-    assert none.layout.used == (fit.BLOCK_LEVEL,) and none.lookahead_share < 0.1
+    assert none.layout.used == (BLOCK_LEVEL,) and none.lookahead_share < 0.1
 
 
 def test_transparent_surfaces_are_refused(mesh, camera):
@@ -184,4 +184,4 @@ def test_cut_outs_leave_no_coarse_leaves_in_the_picture(camera):
     fitted = drain(fit_leaf_levels(source, Grid.around(source.bounds_world, 9), [camera], opacity_shade(source)))
     grid = Grid.around(source.bounds_world, 12)
     octree = drain(build_octree(source, grid, albedo_shade(source), layout=fitted.layout))
-    assert fitted.layout.deepest > fit.BLOCK_LEVEL + 1 and share_of(octree, camera) > 0.998
+    assert fitted.layout.deepest > BLOCK_LEVEL + 1 and share_of(octree, camera) > 0.998

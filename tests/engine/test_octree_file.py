@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.lod import depth as lod
+from patchnet.patchnet_addon.lod import memory as lod
+from patchnet.patchnet_addon.lod.depth import coarse_octree
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
@@ -108,7 +109,7 @@ def test_inconsistent_octrees_are_refused(octree, tmp_path, change, cause):
 
 
 def test_depth_is_bounded_by_memory(mesh):
-    coarse = drain(lod.coarse_octree(mesh))
+    coarse = drain(coarse_octree(mesh))
     lod.check_memory(lod.expected_leaves(coarse, 8), 8, 50_000_000)
     with pytest.raises(MemoryEstimateError, match=r"Depth 14 needs about [\d.]+ GiB"):
         lod.check_memory(lod.expected_leaves(coarse, 14), 14, 50_000_000)
@@ -117,7 +118,7 @@ def test_depth_is_bounded_by_memory(mesh):
 
 
 def test_estimate_is_near_the_truth(mesh):
-    coarse = drain(lod.coarse_octree(mesh))
+    coarse = drain(coarse_octree(mesh))
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 9), shade))
     leaves = lod.expected_leaves(coarse, 9)
     assert leaves == pytest.approx(octree.leaf_count, rel=0.25)
