@@ -10,12 +10,12 @@ import numpy as np
 
 from ..cells.hashing import fill_slots, mixed, slots_for
 from ..octree.grid import Grid
-from ..octree.voxelize import triangle_areas_and_normals
 from ..runtime.kernels import kernel
 from ..surface.mesh import Fragments, MeshSource
 from ..surface.sides import SIGNS
 from ..surface.texture_lookup import BaseColors, base_of_fragments
 from ..surface.textures import TextureTable
+from ..surface.triangles import triangle_areas_and_normals
 from .cell_filter import NOISE_STEPS, STEPS, Neighbours, Places, filtered, neighbours
 from .seen_cells import LEVEL_BITS
 

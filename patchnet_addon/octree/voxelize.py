@@ -18,6 +18,7 @@ from ..runtime.threads import usable_cores
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from ..surface.texture_lookup import BaseColors, base_of_fragments, surface_of_fragments
 from ..surface.textures import TextureTable
+from ..surface.triangles import triangle_areas_and_normals
 from .accumulate import LeafAccumulator, LeafSums
 from .blocks import CellSet, all_cells, plan_passes, tasks_of, to_cells
 from .clip import clip_triangles
@@ -46,15 +47,6 @@ class LeafDetail(NamedTuple):
 
 
 PLAIN_LEAVES = LeafDetail()
-
-
-def triangle_areas_and_normals(corners_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Areas (T,) and unit normals (T, 3) of triangles (T, 3, 3); degenerate ones get area 0."""
-    edges = corners_world[:, 1:] - corners_world[:, :1]  # (T, 2, 3)
-    cross = np.cross(edges[:, 0], edges[:, 1])
-    length = np.sqrt((cross * cross).sum(axis=1))
-    normals = cross / np.where(length > 0, length, 1.0)[:, None]
-    return 0.5 * length, normals
 
 
 class ClippedSurface:

@@ -9,9 +9,9 @@ from mathutils import Euler, Vector
 from patchnet.operators.cycles.bake import BakeJob, bake_light, bake_scene, baker
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.scene_access.devices import gpu_is_enabled
-from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.tests.blender.light_scene import bake, bake_job, bake_surfels
 from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, lamp, link, look_from, mesh
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot

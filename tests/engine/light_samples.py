@@ -10,10 +10,11 @@ from patchnet.patchnet_addon.light.surfels import choose_surfels
 from patchnet.patchnet_addon.lod.fit import leaf_keys_of
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
-from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
+from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments, Shading, ShadingFn, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.sides import faces_of
+from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 
 from .mesh_samples import even, in_batches
 

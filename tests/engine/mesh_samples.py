@@ -4,15 +4,10 @@
 import numpy as np
 
 from patchnet.patchnet_addon.octree.accumulate import LeafSums, SurfaceSums
-from patchnet.patchnet_addon.octree.voxelize import (
-    PLAIN_LEAVES,
-    ClippedSurface,
-    clip_batch,
-    triangle_areas_and_normals,
-    voxelize,
-)
+from patchnet.patchnet_addon.octree.voxelize import PLAIN_LEAVES, ClippedSurface, clip_batch, voxelize
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments, Shading, TriangleBatch
+from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 
 QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]  # z is the last bit
 

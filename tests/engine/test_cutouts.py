@@ -9,10 +9,11 @@ import pytest
 from patchnet.patchnet_addon.cells.morton import morton_decode, morton_encode
 from patchnet.patchnet_addon.octree.accumulate import LeafSums
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.voxelize import clip_batch, triangle_areas_and_normals
+from patchnet.patchnet_addon.octree.voxelize import clip_batch
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, opacity_shade
 from patchnet.patchnet_addon.surface.textures import TextureTable
+from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.tests.references.clip import piece_reference
 from patchnet.tests.references.footprint import bilinear_reference, footprint_reference
 

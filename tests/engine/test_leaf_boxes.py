@@ -13,9 +13,10 @@ from patchnet.patchnet_addon.octree.blocks import all_cells
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.clip import clip_triangles
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.voxelize import LeafDetail, triangle_areas_and_normals
+from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels

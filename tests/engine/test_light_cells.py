@@ -25,12 +25,13 @@ from patchnet.patchnet_addon.light.seen_cells import LEVEL_BITS, SeenCells, all_
 from patchnet.patchnet_addon.light.surfels import SURFEL, choose_surfels
 from patchnet.patchnet_addon.lod.fit import leaf_keys_of
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
+from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleMesh
 from patchnet.patchnet_addon.surface.sides import BACK
 from patchnet.patchnet_addon.surface.textures import LEAST_BASE, TextureTable
+from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.tests.references.surfels import Spot, all_neighbours, key_of, light_cells_reference
 
 from .light_samples import FLAT_GRID, NO_EYES, plain_surface, random_surface, sheets_on, square, sums_of, surfels_of

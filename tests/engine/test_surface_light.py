@@ -29,7 +29,7 @@ from patchnet.patchnet_addon.light.surface_light import (
 from patchnet.patchnet_addon.light.surfels import COARSE, choose_surfels
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
-from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
+from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import (
     Fragments,
@@ -41,6 +41,7 @@ from patchnet.patchnet_addon.surface.mesh import (
 )
 from patchnet.patchnet_addon.surface.sides import BACK, FRONT
 from patchnet.patchnet_addon.surface.textures import LEAST_BASE, TextureTable
+from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.tests.references.clip import parts_of
 from patchnet.tests.references.surfels import Cell, Place, face_reference, key_of, lookup_reference
 

@@ -18,11 +18,12 @@ from patchnet.patchnet_addon.octree.clip import clip_triangles
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.octree.voxelize import LeafDetail, triangle_areas_and_normals
+from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import RotatedSource, Shading, TriangleMesh, random_rotation
 from patchnet.patchnet_addon.surface.shading import bisected_shade, two_lights_shade
+from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.tests.references.clip import clip_reference
 from patchnet.tests.references.lookups import node_at
 from patchnet.training.benchmarks.shells import shell_triangles

@@ -8,8 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from patchnet.patchnet_addon.cells.morton import morton_encode
-from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
+from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
 from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch
+from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 
 
 def parts_of(clipped: ClippedSurface) -> Iterator[tuple[TriangleBatch, Fragments]]:

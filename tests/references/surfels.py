@@ -22,9 +22,10 @@ from patchnet.patchnet_addon.light.sheets import Sheets
 from patchnet.patchnet_addon.light.surfels import COARSE, MOST_SHEETS
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
+from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
 from patchnet.patchnet_addon.runtime.bounds import MOST_STILLS
 from patchnet.patchnet_addon.surface.mesh import ShadingFn
+from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
 from patchnet.tests.references.clip import parts_of
 from patchnet.tests.references.first_hits import first_hits_reference, pixel_rays

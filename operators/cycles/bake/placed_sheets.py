@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....patchnet_addon.surface.scene_mesh import SceneMesh
+from ....patchnet_addon.surface.triangles import triangle_areas_and_normals
 from ....patchnet_addon.tracing.camera import Camera
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
@@ -24,7 +25,6 @@ def placed_sheets(source: SceneMesh, cameras: Sequence[Camera], two_sided: np.nd
     there. Open ones, and those of `two_sided` (M,) materials, get it on both sides.
     """
     from ....patchnet_addon.light.sheets import Sheets, add_volumes
-    from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
     from ....patchnet_addon.surface.sides import LIT_BACK, LIT_BOTH, LIT_FRONT, faces_of
 
     sheet, is_open, placement = _numbered(source)

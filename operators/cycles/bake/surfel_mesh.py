@@ -11,6 +11,7 @@ import numpy as np
 
 from ....patchnet_addon.surface.scene_mesh import Run, SceneMesh
 from ....patchnet_addon.surface.sides import BACK
+from ....patchnet_addon.surface.triangles import triangle_areas_and_normals
 from ...scene.layer_names import own_name
 from ...scene_access.polygons import add_polygons
 from .object_data import OBJECT
@@ -112,8 +113,6 @@ def _part(
     run: Run, local: np.ndarray, number: np.ndarray, surfels: np.ndarray, size: tuple[int, int], coordinates: bool
 ) -> SurfelTriangles:
     """Triangles of surfels on the triangles `local` (N,) of a run."""
-    from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
-
     corners, mesh = run.corners_world()[local], run.instances.mesh
     weights, is_back = _weights(corners, surfels), surfels["side"] == BACK
     weights[is_back] = weights[is_back][:, [0, 2, 1]]
@@ -197,8 +196,6 @@ def fill_mesh(
     mesh: bpy.types.Mesh, part: SurfelTriangles, materials: Sequence[bpy.types.Material], offset_world: float
 ) -> None:
     """Fill an empty mesh with these triangles, moved by `offset_world` along their normals."""
-    from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
-
     corners = part.corners_world + triangle_areas_and_normals(part.corners_world)[1][:, None] * offset_world
     add_polygons(mesh, corners)
     for material in materials:
