@@ -2,6 +2,7 @@
 """Entry point of the `patchnet` command, also `python -m patchnet`."""
 
 import os
+import signal
 import sys
 import traceback
 from contextlib import suppress
@@ -9,14 +10,15 @@ from typing import NoReturn
 
 
 def main() -> NoReturn:
-    """Run the command line and end the process with its exit code."""
+    """Run the command line and end the process with its exit code.
+
+    Ctrl-C ends it at once, also within a call into Blender, which may take minutes: what is finished is on disk.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where it is ignored
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     _open_closed_streams()
     try:
         code = _run()
-    except KeyboardInterrupt:  # before or after the work
-        code = 130
-        with suppress(OSError):  # Ctrl-C has ended who reads stderr, too
-            print("patchnet: interrupted", file=sys.stderr)
     except SystemExit as stop:  # argparse: help, or words that it does not know
         code = stop.code if isinstance(stop.code, int) else 1
     except BrokenPipeError:  # `| head`
@@ -63,12 +65,10 @@ def leave(code: int) -> NoReturn:
         sys.exit(code)
     import atexit
 
-    from .operators.scene_access.temporary import session_folder_goes
-    from .patchnet_addon.runtime.replace import remove_unfinished
+    from .operators.scene_access.temporary import remove_session_folder
 
-    session_folder_goes()
     atexit._run_exitfuncs()
-    remove_unfinished()
+    remove_session_folder()
     os._exit(code)
 
 

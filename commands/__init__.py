@@ -45,12 +45,11 @@ def main(
 
     argv: arguments without the program's name (those of the process). names: available sub-commands (all). level:
     lowest level of log messages shown to users. more: short helps of sub-commands of other packages. Returns the exit
-    code: 0 for success, 2 for bad input (one sentence on stderr), 130 for Ctrl-C, 143 for SIGTERM, and with a JSON log
-    1 for an unexpected error, which is raised otherwise.
+    code: 0 for success, 2 for bad input (one sentence on stderr), and with a JSON log 1 for an unexpected error, which
+    is raised otherwise.
     """
     from ..patchnet_addon.runtime import log
     from ..patchnet_addon.runtime.errors import FileAccessError, PatchNetError
-    from ..patchnet_addon.runtime.interrupt import exit_code_of, prompt_interrupt
     from .shared.lines import say_error
 
     words = sys.argv[1:] if argv is None else list(argv)
@@ -59,14 +58,10 @@ def main(
         args = make_parser(names, program, more).parse_args(words)
         args.words = words
         log.start(args.command, arguments=words)
-        with prompt_interrupt():
-            return int(args.run(args))
+        return int(args.run(args))
     except PatchNetError as error:
         say_error(f"error: {error}", EXIT_ERROR)
         return EXIT_ERROR
-    except KeyboardInterrupt as stop:
-        say_error("interrupted", exit_code_of(stop))
-        return exit_code_of(stop)
     except Exception as error:
         if isinstance(error, OSError) and (explained := FileAccessError.of(error)) is not None:
             say_error(f"error: {explained}", EXIT_ERROR)

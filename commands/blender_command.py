@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`blender --command patchnet SUB-COMMAND`: the sub-commands that need no torch, inside Blender.
 
-Blender exits with the returned code: 0 for success, 1 for an unexpected error, 2 for bad input, 130 for Ctrl-C, 143 for
-SIGTERM.
+Blender exits with the returned code: 0 for success, 1 for an unexpected error, 2 for bad input.
 """
 
 from __future__ import annotations
@@ -43,13 +42,11 @@ def execute(words: Sequence[str]) -> int:
     import bpy
 
     from ..operators.properties.preferences import apply_preferences, preferences
-    from ..operators.scene_access.temporary import session_folder_goes
     from ..patchnet_addon.runtime.errors import PatchNetError
     from ..patchnet_addon.runtime.streams import drop_output
     from . import EXIT_ERROR, EXIT_UNEXPECTED, main
     from .shared.lines import say_error
 
-    session_folder_goes()
     try:
         apply_preferences(bpy.context)
         level = preferences(bpy.context).log_level

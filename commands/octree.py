@@ -67,7 +67,8 @@ def run(args: argparse.Namespace) -> int:
     from ..operators.pipeline.lit_octree import build_lit_octree
     from ..operators.scene.render_geometry import hide_from_renders
     from ..patchnet_addon.octree.file import save_octree
-    from ..patchnet_addon.runtime.heap import peak_bytes
+    from ..patchnet_addon.process.computed import answer
+    from ..patchnet_addon.runtime.memory import peak_bytes
     from ..patchnet_addon.runtime.progress import drain
     from ..patchnet_addon.tracing.empty_view import why_unseen_by
     from .shared.progress_lines import progress_lines
@@ -87,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     with clock.stage("save"):
         save_octree(made.octree, args.out)
     octree = made.octree
-    for warning in [*made.warnings, *why_unseen_by(octree, view_cameras(args))]:
+    for warning in [*made.warnings, *answer(why_unseen_by, octree, view_cameras(args))]:
         say_note(warning)
     text = f"{args.out}: depth {octree.depth}, {counted(octree.leaf_count, 'voxel')}, {octree.nbytes / 2**20:.1f} MiB"
     say_exposure(octree)
@@ -153,7 +154,7 @@ def _without(args: argparse.Namespace) -> list[str]:
 
 def _bisect(args: argparse.Namespace) -> tuple[int, float] | None:
     """Axis and share of --bisect; raises SettingError."""
-    from ..patchnet_addon.surface.shading import AXES
+    from ..patchnet_addon.surface.mesh import AXES
 
     if args.bisect is None:
         return None

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import bpy
 
+from ..patchnet_addon.process.computed import computed
 from ..patchnet_addon.runtime.progress import Progress, Steps
-from ..patchnet_addon.runtime.worker import computed
+from .computing.demo_textures import courtyard_pictures
 from .jobs.job_operator import JobOperator, in_object_mode
 from .settings.job_settings import JobSettings
 
@@ -19,7 +20,6 @@ class PATCHNET_OT_add_demo_scene(JobOperator, bpy.types.Operator):
     bl_idname = "patchnet.add_demo_scene"
     bl_label = "PatchNet Demo Scene"
     bl_options = {"REGISTER", "UNDO"}
-    uses_kernels = False
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -28,9 +28,9 @@ class PATCHNET_OT_add_demo_scene(JobOperator, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Build the courtyard and show it in this window."""
-        from .demo_scene import build_courtyard, courtyard_pictures
+        from .demo_scene import build_courtyard, streams
 
-        pictures = yield from computed(courtyard_pictures, Progress(0, 1, "Painting textures"))
+        pictures = yield from computed(courtyard_pictures, streams()[0], at=Progress(0, 1, "Painting textures"))
         scene = bpy.data.scenes.new(NAME)
         build_courtyard(scene, pictures=pictures)
         layer = scene.view_layers[0]

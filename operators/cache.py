@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Size of the disk cache: compiled kernels, baked light, and finished octrees.
+"""Size of the disk cache: compiled kernels, baked light, finished octrees, and unpacked wheels.
 
 Only such files are counted and deleted, as the user's folder may hold others.
 """
@@ -14,26 +14,29 @@ from pathlib import Path
 
 import bpy
 
-from ..patchnet_addon.runtime.cache_folder import BAKES, KERNELS, OCTREES, user_cache_folder
+from ..patchnet_addon.process.computed import end_engine_process
+from ..patchnet_addon.runtime.cache_folder import BAKES, KERNELS, OCTREES, WHEELS, user_cache_folder
 from .jobs.job_operator import no_job_runs
 from .properties.preferences import apply_preferences, cache_size_text
 
+_UNFINISHED = r"\.[^/]+\.[0-9a-f]{8}\.tmp/(owner|files/.+)"  # in an `owned_folder`
 # Patterns of PatchNet's file names in each folder of the cache.
 _FILES = {
-    KERNELS: re.compile(r"[0-9a-f]{16}/([a-z]+-[0-9a-f]{16}|.+\.nb[ic])"),  # with the marks of `compiled_mark`
-    BAKES: re.compile(r"[0-9a-f]{32}/\.?round-\d{2}-[0-9a-f]{16}\.safetensors(\.[0-9a-f]{8}\.tmp)?"),
-    OCTREES: re.compile(r"[0-9a-f]{32}/(notes\.json|(octree|codes|layout)\.safetensors)"),
+    KERNELS: re.compile(r"[0-9a-f]{16}/([a-z]+-[0-9a-f]{16}|.+\.nb[ic])"),  # with marks of earlier versions
+    BAKES: re.compile(rf"[0-9a-f]{{32}}/(round-\d{{2}}-[0-9a-f]{{16}}\.safetensors|{_UNFINISHED})"),
+    OCTREES: re.compile(rf"[0-9a-f]{{32}}/(notes\.json|(octree|codes|layout)\.safetensors)|{_UNFINISHED}"),
+    WHEELS: re.compile(rf"[0-9a-f]{{16}}/.+|{_UNFINISHED}"),
 }
 
 
 def cache_size(root: Path) -> dict[str, int]:
-    """Bytes of kernels, bakes and octrees in `root`, by folder."""
+    """Bytes of kernels, bakes, octrees and wheels in `root`, by folder."""
     return {name: sum(map(_size, _files(root / name))) for name in _FILES}
 
 
 def size_text(sizes: dict[str, int]) -> str:
     """Sizes of `cache_size` in words."""
-    parts = ", ".join(f"{name} {value / 2**20:.1f}" for name, value in sizes.items())
+    parts = ", ".join(f"{name} {value / 2**20:.1f}" for name, value in sizes.items() if value or name != WHEELS)
     return f"{sum(sizes.values()) / 2**20:.1f} MiB: {parts}"
 
 
@@ -109,6 +112,7 @@ class PATCHNET_OT_clear_cache(bpy.types.Operator):
         """Delete, and report what is left."""
         apply_preferences(context)
         root = user_cache_folder()
+        end_engine_process()  # it may import more of its wheels
         freed = clear_cache(root)
         cache_size_text()[:] = [size_text(cache_size(root))]
         self.report({"INFO"}, f"{freed / 2**20:.1f} MiB were freed in {root}")

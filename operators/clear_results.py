@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..patchnet_addon.runtime.heap import page_out
+from ..patchnet_addon.process.computed import end_engine_process
 from . import overlay
 from .jobs.job_operator import no_job_runs
 from .scene_access.images import free_copies
@@ -37,8 +37,8 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
         overlay.forget(context)
         for image in filter(is_own, bpy.data.images):
             free_copies(image)
-        page_out("llvmlite")
         give_back()
+        end_engine_process()
         if not bpy.app.background:  # viewports free their pictures at the next redraw
             bpy.app.timers.register(give_back, first_interval=_DRAWN_AGAIN_S)
         return {"FINISHED"}

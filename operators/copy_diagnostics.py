@@ -11,6 +11,8 @@ from typing import Any
 
 import bpy
 
+from ..patchnet_addon.process.computed import refused
+from ..patchnet_addon.process.own_wheels import other_versions_text
 from ..patchnet_addon.runtime.log import LOG
 from .properties.preferences import preferences
 from .scene_access.devices import gpu_is_enabled
@@ -58,6 +60,7 @@ def diagnostics(context: bpy.types.Context) -> str:
     result = results.result_of(context.scene)
     values = {
         "versions": versions(),
+        "engine": refused() or other_versions_text(computes_with_own=True),
         "machine": machine() | {"gpu_for_cycles": gpu_is_enabled(context)},
         "preferences": vars(preferences(context)),
         "settings": _settings(context.scene.patchnet),

@@ -41,7 +41,6 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
     ask: BoolProperty(
         name="Ask", description="Open the file browser first", default=True, options={"HIDDEN", "SKIP_SAVE"}
     )
-    uses_kernels = False
     _asked = False
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

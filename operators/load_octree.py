@@ -4,16 +4,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import bpy
 from bpy.props import StringProperty
 
-from ..patchnet_addon.runtime.errors import CodesFileError, SettingError
+from ..patchnet_addon.process.computed import computed
+from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import Progress, Steps
 from ..patchnet_addon.runtime.quantities import counted
-from ..patchnet_addon.runtime.worker import computed
+from .computing.files import loaded_files
 from .jobs.job_operator import JobOperator, tell
 from .properties.job import absolute_path
 from .properties.stages import properties_of
@@ -26,11 +26,9 @@ from .state.watch import read_state
 
 if TYPE_CHECKING:
     from ..patchnet_addon.codes.coded_octree import CodedOctree
-    from ..patchnet_addon.network.weights import Weights
     from ..patchnet_addon.octree.octree import Octree
     from .state.scene_state import SceneState
 
-_CODES = "codes.safetensors"  # beside the octree, written by the same job
 _OTHER = "the file was made of another scene, or of this one before it was changed"
 
 
@@ -48,7 +46,6 @@ class PATCHNET_OT_load_octree(JobOperator, bpy.types.Operator):
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
     filter_glob: StringProperty(default="*.safetensors", options={"HIDDEN"})
-    uses_kernels = False
     _asked = False
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -68,14 +65,14 @@ class PATCHNET_OT_load_octree(JobOperator, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Open the files, compare them with the scene, keep them."""
-        from .pipeline.stages import load_network
+        from .computing.grids import load_network
 
         path = absolute_path(self.filepath)
         if path is None:
             raise SettingError("No file to load: choose an octree file, which ends in .safetensors")
         weights = load_network(settings.network)
         loading = Progress(0, 1, "Loading the octree")
-        octree, coded, problem = yield from computed(lambda: _loaded(path, weights), loading)
+        octree, coded, problem = yield from computed(loaded_files, path, weights, at=loading)
         yield Progress(0, 1, "Looking at the scene")
         state = read_state(context.scene)
         made = _result(octree, coded, state, context.scene)
@@ -86,20 +83,6 @@ class PATCHNET_OT_load_octree(JobOperator, bpy.types.Operator):
             tell(self, "WARNING", f"{path.name} does not fit the scene: {made.why(min(made.stale))}")
         more = ", with look-ahead" if coded else ""
         return f"{path.name}: {counted(octree.leaf_count, 'voxel')}, depth {octree.depth}{more}"
-
-
-def _loaded(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | None, str]:
-    """Load the octree and its codes, with a sentence if these are of other weights."""
-    from ..patchnet_addon.codes.file import load_codes
-    from ..patchnet_addon.octree.file import load_octree
-
-    octree = load_octree(path)
-    if not path.with_name(_CODES).exists():
-        return octree, None, ""
-    try:
-        return octree, load_codes(path.with_name(_CODES), octree, weights), ""
-    except CodesFileError as error:
-        return octree, None, str(error)
 
 
 def _result(octree: Octree, coded: CodedOctree | None, state: SceneState, scene: bpy.types.Scene) -> SceneResult:

@@ -27,7 +27,8 @@ class PATCHNET_OT_precompute_codes(VoxelJob, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Load the weights, encode, keep the codes beside the octree."""
-        from .pipeline.stages import encode, load_network
+        from .computing.grids import load_network
+        from .pipeline.stages import encode
 
         before = results.voxels_of(context.scene)
         clock = StageClock()

@@ -22,7 +22,7 @@ from .session.shown_view import CYCLES_PICTURE
 from .settings.job_settings import JobSettings
 
 if TYPE_CHECKING:
-    from .pipeline.cycles_refine import CyclesView
+    from .computing.cycles_pixels import CyclesView
 
 
 _ALL = "Cycles renders all objects, but the voxels are those of the selected ones: choose Objects: Visible for all"

@@ -11,6 +11,7 @@ from typing import Any
 
 import bpy
 
+from ..patchnet_addon.process.computed import leave_engine_process, use_engine_process
 from .jobs import job_operator
 from .properties import preferences
 
@@ -90,6 +91,8 @@ def register() -> None:
             getattr(bpy.types, menu).append(draw)
         if hasattr(module, "register"):
             module.register()
+    if not bpy.app.module:  # a program that has Blender as a module has no window
+        use_engine_process()
     # Blender disables extensions before it exits. As a module it hangs on classes that are still registered.
     if not preferences.IS_EXTENSION:
         atexit.register(unregister)
@@ -111,3 +114,4 @@ def unregister() -> None:
             handlers.remove(function)
         for item in reversed(classes_of(module)):
             bpy.utils.unregister_class(item)
+    leave_engine_process()

@@ -21,7 +21,7 @@ from .session.shown_view import attach_view_stats, comparison_of
 from .settings.job_settings import JobSettings
 
 if TYPE_CHECKING:
-    from .pipeline.views import View
+    from .computing.views import View
 
 
 class PATCHNET_OT_render_preview(CodesJob, bpy.types.Operator):
@@ -72,8 +72,8 @@ def look(context: bpy.types.Context, settings: JobSettings) -> Steps[View]:
     result = replace(result, warnings=(*focus_warnings(context.scene, [camera]), *result.warnings))
     notes = results.without_view(before).notes | {"view": result.warnings}
     before = replace(before, seconds=before.seconds | clock.seconds, notes=notes)
+    yield from overlay.show(context, [result], settings.view)
     keep(context.scene, attach_view_stats(before, result, compared=wanted.reference), "view")
-    overlay.show(context, [result], settings.view)
     return result
 
 

@@ -39,17 +39,19 @@ class PATCHNET_OT_run_all(JobOperator, bpy.types.Operator):
         In a window, also after each round of the light: that of the last one stays if the steps are closed.
         """
         from ..patchnet_addon.image.background import opaque
+        from ..patchnet_addon.image.unfinished import Unfinished
         from .pipeline.run import run_job
-        from .pipeline.unfinished import Unfinished
+        from .pipeline.voxels_key import hashed_code
 
         self._file, self._goes_on, self._noise, scene = settings.out, settings.light.is_baked, "", context.scene
         there = results.result_of(scene)
         replaced = other_objects(context, there) if there and settings.surface.scope == SELECTED else ""
+        yield from hashed_code()
         before = voxels_before(context, settings)
         with overlay.unfinished_pictures(context) as meanwhile:
 
-            def early(result: JobResult) -> None:
-                _keep(context, settings.changed(reference=False), result, replaced, unfinished=True)
+            def early(result: JobResult) -> Steps[None]:
+                yield from _keep(context, settings.changed(reference=False), result, replaced, unfinished=True)
                 self._noise, first = noise_text(result.coded.octree), result.views[0]
                 if meanwhile is not None:
                     title = f"refining light, noise {self._noise}"
@@ -57,7 +59,7 @@ class PATCHNET_OT_run_all(JobOperator, bpy.types.Operator):
 
             looks = job_in_window().operator is self
             result = yield from run_job(context, settings, meanwhile, before, early if looks else None)
-        made, first = _keep(context, settings, result, replaced), result.views[0]
+        made, first = (yield from _keep(context, settings, result, replaced)), result.views[0]
         errors = (
             ""
             if first.errors is None
@@ -66,19 +68,20 @@ class PATCHNET_OT_run_all(JobOperator, bpy.types.Operator):
         where = f", files in {settings.out}" if settings.out else ""
         return f"{counted(len(result.views), 'view')}{errors}{where}{tell_notes(self, made.all_notes)}"
 
-    def _stopped(self, *, alive: bool = False) -> str:
+    def _stopped(self) -> str:
         if self._noise:
             return f"Stopped. The pictures have light of noise {self._noise}: press again to refine it."
-        return super()._stopped(alive=alive)
+        return super()._stopped()
 
 
 def _keep(
     context: bpy.types.Context, settings: JobSettings, result: JobResult, replaced: str, *, unfinished: bool = False
-) -> SceneResult:
+) -> Steps[SceneResult]:
     """Keep a job's result for the scene, and show its pictures.
 
     replaced: sentence about other objects than before, or "". unfinished: the light is still being refined.
     """
+    yield from overlay.show(context, result.views, settings.view)
     made, steps = results.result_of(context.scene), ["view"]
     if made is None or made.coded is not result.coded:
         steps += STAGES
@@ -88,5 +91,4 @@ def _keep(
     made.seconds = made.seconds | result.report["timings_s"]
     made.notes = result.notes | ({"objects": (replaced,)} if replaced else {})
     keep(context.scene, made, *steps, settings=settings)
-    overlay.show(context, result.views, settings.view)
     return made

@@ -95,9 +95,6 @@ def require_blender() -> None:
             f"Blender is not there as a Python module ({cause}): install patchnet-blender[blender] and the system "
             "libraries that docs/command-line.md names"
         ) from cause
-    from ...operators.scene_access.temporary import session_folder_goes
-
-    session_folder_goes()
 
 
 def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:

@@ -25,18 +25,15 @@ from patchnet.__main__ import leave
 from patchnet.commands.run import run_with_lines
 from patchnet.commands.shared.quiet import quiet_stdout
 from patchnet.commands.shared.scene_argument import open_or_build
-from patchnet.operators.cycles.camera_render import (
-    Reference,
-    add_passes,
-    combined_light,
-    render_reference,
-)
+from patchnet.operators.computing.cycles_pixels import OWN_SIDE, wanted_pixels
+from patchnet.operators.cycles.camera_render import add_passes, render_reference
 from patchnet.operators.cycles.pixel_renders import Chosen, pixel_renders
 from patchnet.operators.cycles.scene_copy import prepared, render
-from patchnet.operators.pipeline.cycles_refine import OWN_SIDE, wanted_pixels, wanted_surface
+from patchnet.operators.pipeline.cycles_refine import wanted_surface
 from patchnet.operators.schema.values import COMBINED
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
+from patchnet.patchnet_addon.image.cycles_passes import Reference, combined_light
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers

@@ -21,10 +21,11 @@ import numpy as np
 
 from patchnet.__main__ import leave
 from patchnet.commands.shared.quiet import quiet_stdout
+from patchnet.operators.computing.grids import load_network
 from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.operators.cycles.daylight import daylight, has_light
 from patchnet.operators.pipeline.lit_octree import OctreeOverrides, build_lit_octree
-from patchnet.operators.pipeline.stages import encode, load_network
+from patchnet.operators.pipeline.stages import encode
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.runtime.progress import drain

@@ -14,11 +14,11 @@ import bpy
 from ...patchnet_addon.runtime.file_kinds import FileKind
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.report import has_errors
+from ..computing.grids import load_network
 from ..importance.pixels import importance_key
 from ..pipeline.lit_octree import cameras_key
 from ..pipeline.output_files import job_files, job_inputs, view_folders
 from ..pipeline.run import Before, JobResult, run_job, write_result
-from ..pipeline.stages import load_network
 from ..pipeline.voxels_key import code_hash, surface_key, voxels_key
 from ..scene.cameras import AUTO, camera_name
 from ..scene.fingerprint import cameras_hash, surface_hash

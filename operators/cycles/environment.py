@@ -16,7 +16,6 @@ import numpy as np
 
 from ...patchnet_addon.image.cube_map import FACES, CubeMap, face_camera, view_corners
 from ...patchnet_addon.runtime.errors import SceneError
-from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from ..scene_access.blender_version import start_nodes
@@ -130,7 +129,7 @@ def _bake(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
     how = {"margin": 0, "use_clear": True, "target": "IMAGE_TEXTURES", "save_mode": "INTERNAL", "uv_layer": _LAYER}
     try:
         keeping = editors_keep_images(bpy.context.window_manager)
-        with keeping, interrupts_wait(), bpy.context.temp_override(**override):
+        with keeping, bpy.context.temp_override(**override):
             bpy.ops.object.bake(type="ENVIRONMENT", use_selected_to_active=False, **how)
     except RuntimeError as cause:
         reason = str(cause).strip().removeprefix("Error: ")

@@ -12,25 +12,30 @@ meet it: it changes no light and no shadow.
 from __future__ import annotations
 
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import NamedTuple
 
 import bpy
 import numpy as np
 
-from ...patchnet_addon.image.exr import read_exr
+from ...patchnet_addon.image.cycles_passes import (
+    ReadPicture,
+    baked_light,
+    baked_light_with_gloss,
+    combined_light,
+    picture_of,
+)
+from ...patchnet_addon.process.computed import computed
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.tracing.camera import PERSPECTIVE, Camera
+from ..computing.cycles_pixels import Chosen
 from ..scene_access.polygons import add_polygons
 from ..scene_access.temporary import temporary
 from ..scene_access.window_job import check_no_job, window_is_alive
 from ..schema.values import COMBINED, DIFFUSE
 from ..settings.cycles_settings import WITH_GLOSS
-from .camera_render import add_passes, baked_light, baked_light_with_gloss, combined_light, coverage
+from .camera_render import add_passes
 from .daylight import daylight
 from .scene_copy import prepared, rendered
 
@@ -89,16 +94,6 @@ def _corners(camera: Camera, mask: np.ndarray, depth_world: float) -> np.ndarray
     return result
 
 
-class Chosen(NamedTuple):
-    """Pixels to render: mask (H, W) bool, row 0 at the bottom.
-
-    depth_world: of the nearest surface in all pixels, infinite without one.
-    """
-
-    mask: np.ndarray
-    depth_world: float
-
-
 class PixelRenders:
     """Renderer of one camera's pixels; made by `pixel_renders`.
 
@@ -132,7 +127,7 @@ class PixelRenders:
             begun, work = self.seconds, int(of_rows[part].sum())
             picture = yield from self._part(part, _reports(done, work, int(of_rows.sum()), label))
             pace, done = work / max(self.seconds - begun, 1e-3), done + work
-            canvas[part] = np.where(self._mask[part][..., None], picture, np.float32(0.0))
+            canvas[part] = picture
         return canvas
 
     def _sample(self, samples: int, seed: int) -> None:
@@ -140,7 +135,7 @@ class PixelRenders:
         self._scene.update_tag()  # otherwise Cycles keeps the old values
 
     def _part(self, rows: slice, at: Callable[[float], Progress], columns: int | None = None) -> Steps[np.ndarray]:
-        """(h, w, 4) float32: some rows of the picture, or the first columns of them."""
+        """(h, w, 4) float32: some rows of the picture, or the first columns of them; 0 outside of the mask."""
         yield at(0.0)
         height, width = self._mask.shape
         values = self._scene.render
@@ -149,14 +144,11 @@ class PixelRenders:
         values.border_min_y, values.border_max_y = 0.0, 1.0  # Blender keeps them in order while they are set
         values.border_max_y, values.border_min_y = (rows.stop + _INSIDE) / height, (rows.start + _INSIDE) / height
         self.seconds += yield from rendered(self._scene, self._path, at)
-        begun = time.perf_counter()
-        channels = read_exr(self._path)
-        self.seconds += time.perf_counter() - begun
-        result: np.ndarray = yield from computed(
-            lambda: np.dstack([self._light(channels), coverage(channels)]), at(1.0)
+        result: ReadPicture = yield from computed(
+            picture_of, self._path, self._light, self._mask[rows, :columns], at=at(1.0)
         )
-        assert result.shape == (rows.stop - rows.start, width if columns is None else columns, 4)
-        return result
+        self.seconds += result.seconds
+        return result.pixels
 
 
 @contextmanager

@@ -19,7 +19,6 @@ import numpy as np
 from mathutils import Matrix
 
 from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, SettingError, StoppedError
-from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from ..scene_access.overrides import changed
@@ -215,8 +214,7 @@ def _invoked(scene: bpy.types.Scene) -> None:
 
 def _called(scene: bpy.types.Scene, how: str) -> None:
     try:
-        with interrupts_wait():
-            bpy.ops.render.render(how, write_still=True, scene=scene.name)
+        bpy.ops.render.render(how, write_still=True, scene=scene.name)
     except RuntimeError as cause:
         raise SceneError(f"Cycles cannot render the scene ({str(cause).strip().removeprefix('Error: ')})") from cause
 

@@ -10,11 +10,11 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from ...patchnet_addon.runtime.interrupt import interrupts_wait
+from ..computing.demo_textures import courtyard_pictures
 from ..scene_access.blender_version import start_nodes
 from . import furniture, ironwork, masonry, plants
 from .geometry import add_object
-from .materials import linear, make_materials, make_pictures
+from .materials import linear, make_materials
 
 FIELD_OF_VIEW = float(np.radians(50.0))
 # Name: (position, target) in metres. Far and Middle have the distances that look-ahead needs at 192 pixels.
@@ -26,12 +26,8 @@ VIEWS = {
 TO_SUN = (0.62, -0.66, 0.86)  # direction from the courtyard to the sun
 
 
-def courtyard_pictures(seed: int = 1) -> dict[str, np.ndarray]:
-    """Textures for `build_courtyard`, most of its time; they use no Blender data, so a thread can compute them."""
-    return make_pictures(_streams(seed)[0])
-
-
-def _streams(seed: int) -> list[np.random.Generator]:
+def streams(seed: int = 1) -> list[np.random.Generator]:
+    """Random numbers of the textures, which come first, and of the courtyard's parts."""
     return np.random.default_rng(seed).spawn(8)
 
 
@@ -43,28 +39,28 @@ def build_courtyard(scene: bpy.types.Scene, seed: int = 1, pictures: Mapping[str
     A coarse view gets these wrong: fence, gate and grilles thinner than a distant pixel, a white cloth 7 mm above a
     dark table, and leaves cut by alpha. Sets the scene's world, camera and render settings.
     """
-    streams = iter(_streams(seed)[1:])
-    materials = make_materials(pictures or courtyard_pictures(seed))
+    numbers = iter(streams(seed)[1:])
+    materials = make_materials(pictures or courtyard_pictures(streams(seed)[0]))
     names = ("Masonry", "Ironwork", "Furniture", "Plants", "Light", "Cameras")
     stone, iron, furnishing, green, light, cameras = (bpy.data.collections.new(name) for name in names)
     for part in (stone, iron, furnishing, green, light, cameras):
         scene.collection.children.link(part)
-    masonry.build_floor(stone, materials, next(streams))
+    masonry.build_floor(stone, materials, next(numbers))
     masonry.build_steps(stone, materials)
     masonry.build_walls(stone, materials)
     masonry.build_arcade(stone, materials)
-    masonry.build_roofs(stone, materials, next(streams))
+    masonry.build_roofs(stone, materials, next(numbers))
     ironwork.build_fence(iron, materials)
     ironwork.build_gate(iron, materials)
     ironwork.build_grilles(iron, materials)
     ironwork.build_lantern(iron, materials)
-    furniture.build_table(furnishing, materials, next(streams))
+    furniture.build_table(furnishing, materials, next(numbers))
     furniture.build_fountain(furnishing, materials, 2.1, -0.55)
     furniture.build_door(furnishing, materials)
     furniture.build_sign(furnishing, materials)
-    plants.build_pots(green, materials, next(streams))
-    plants.build_tree(green, materials, next(streams), 4.05, -1.3)
-    plants.build_bougainvillea(green, materials, next(streams))
+    plants.build_pots(green, materials, next(numbers))
+    plants.build_tree(green, materials, next(numbers), 4.05, -1.3)
+    plants.build_bougainvillea(green, materials, next(numbers))
     build_light(scene, light)
     build_cameras(scene, cameras)
     scene.render.engine = "CYCLES"
@@ -78,8 +74,7 @@ def save_demo_scene(path: Path, seed: int = 1) -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
     build_courtyard(bpy.context.scene, seed)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with interrupts_wait():
-        bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), compress=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), compress=True)
 
 
 def build_light(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:

@@ -9,13 +9,11 @@ from types import MappingProxyType
 import bpy
 import numpy as np
 
+from ..computing.demo_textures import LEAVES, Colour
 from ..scene_access.blender_version import start_nodes
-from . import textures
-
-_LEAVES = "Leaves "  # prefix of materials and images that cut leaves
 
 
-def linear(colour: textures.Colour) -> np.ndarray:
+def linear(colour: Colour) -> np.ndarray:
     """Linear light of an sRGB colour (3,)."""
     value = np.asarray(colour, float)
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
@@ -23,7 +21,7 @@ def linear(colour: textures.Colour) -> np.ndarray:
 
 def principled(
     name: str,
-    colour: textures.Colour | None = None,
+    colour: Colour | None = None,
     image: bpy.types.Image | None = None,
     alpha: bool = False,
     roughness: float = 0.9,
@@ -77,23 +75,23 @@ def _link_image(
         links.new(texture.outputs["Alpha"], shader.inputs["Alpha"])
 
 
-def make_pictures(rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Textures of the courtyard by image name; they use no Blender data, so a thread can compute them."""
-    return {
-        "Plaster": textures.plaster(rng, (0.93, 0.87, 0.76)),
-        "Bricks": textures.bricks(rng),
-        "Stone": textures.plaster(rng, (0.79, 0.75, 0.68), 512),
-        "Wood": textures.wood(rng, (0.80, 0.80, 0.80)),
-        "Glazed tiles": textures.glazed_tiles(),
-        "Linen": textures.linen(rng),
-    } | _leaf_pictures(rng)
+def to_image(name: str, pixels: np.ndarray) -> bpy.types.Image:
+    """Packed 8 bit image of pixels (height, width, 3 or 4) in [0, 1], first row at the bottom."""
+    height, width, channels = pixels.shape
+    rgba = np.ones((height, width, 4), np.float32)
+    rgba[..., :channels] = np.clip(pixels, 0, 1)
+    image = bpy.data.images.new(name, width, height, alpha=channels == 4)
+    image.pixels.foreach_set(rgba.ravel())
+    image.update()
+    image.pack()
+    return image
 
 
 def make_materials(pictures: Mapping[str, np.ndarray]) -> dict[str, bpy.types.Material]:
     """All materials of the courtyard by a short name."""
-    images = {name: textures.to_image(name, pixels) for name, pixels in pictures.items()}
+    images = {name: to_image(name, pixels) for name, pixels in pictures.items()}
     plaster, brick, stone, grain, glaze, linen, *_ = images.values()
-    leaves = {name.removeprefix(_LEAVES): image for name, image in images.items() if name.startswith(_LEAVES)}
+    leaves = {name.removeprefix(LEAVES): image for name, image in images.items() if name.startswith(LEAVES)}
     made = {
         "plaster": principled("Plaster", image=plaster),
         "ochre": principled("Ochre plaster", (0.98, 0.80, 0.56), plaster),
@@ -123,20 +121,4 @@ def make_materials(pictures: Mapping[str, np.ndarray]) -> dict[str, bpy.types.Ma
         made[f"floor{number}"] = principled(f"Floor tile {number + 1}", colour)
     for number, colour in enumerate([(0.76, 0.45, 0.31), (0.69, 0.38, 0.26), (0.82, 0.55, 0.40)]):
         made[f"roof{number}"] = principled(f"Roof tile {number + 1}", colour)
-    return made | {key: principled(f"{_LEAVES}{key}", image=image, alpha=True) for key, image in leaves.items()}
-
-
-def _leaf_pictures(rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Textures whose alpha cuts leaves out of cards."""
-    green = [(0.27, 0.45, 0.16), (0.34, 0.53, 0.20), (0.22, 0.38, 0.15)]
-    pictures = {
-        "citrus": textures.sprig(rng, green, 4, 0.22, 0.42),
-        "olive": textures.sprig(rng, [(0.50, 0.56, 0.40), (0.42, 0.50, 0.34), (0.60, 0.64, 0.48)], 7, 0.11, 0.40),
-        "fern": textures.sprig(rng, [(0.36, 0.58, 0.22), (0.42, 0.63, 0.26)], 14, 0.10, 0.46),
-        "bougainvillea": textures.sprig(
-            rng, [(0.84, 0.16, 0.50), (0.92, 0.28, 0.60), (0.74, 0.12, 0.46), (0.88, 0.22, 0.52)], 3, 0.40, 0.40
-        ),
-        "geranium": textures.sprig(rng, [(0.86, 0.14, 0.13), (0.93, 0.24, 0.18), (0.78, 0.10, 0.14)], 5, 0.44, 0.30),
-        "lavender": textures.sprig(rng, [(0.50, 0.40, 0.74), (0.58, 0.47, 0.80), (0.45, 0.52, 0.38)], 9, 0.16, 0.20),
-    }
-    return {f"{_LEAVES}{key}": pixels for key, pixels in pictures.items()}
+    return made | {key: principled(f"{LEAVES}{key}", image=image, alpha=True) for key, image in leaves.items()}

@@ -10,10 +10,11 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from . import textures
+from ..computing.demo_textures import Colour
+from ..computing.demo_textures import bricks as brick_wall
 from .courtyard import FIELD_OF_VIEW
 from .geometry import Shape, add_object, ball, box, place
-from .materials import principled
+from .materials import principled, to_image
 
 SIDE = 2.0  # m
 _RED, _GREEN, _WHITE = (0.80, 0.26, 0.22), (0.35, 0.66, 0.30), (0.88, 0.87, 0.85)
@@ -39,7 +40,7 @@ def build_room(scene: bpy.types.Scene, seed: int = 1) -> None:
     collection = bpy.data.collections.new("Room")
     scene.collection.children.link(collection)
     white = _matt("White", _WHITE)
-    bricks = textures.to_image("Bricks", textures.bricks(np.random.default_rng(seed), 512, 12, 5))
+    bricks = to_image("Bricks", brick_wall(np.random.default_rng(seed), 512, 12, 5))
     walls = [white, _matt("Bricks", image=bricks), _matt("Red", _RED), _matt("Green", _GREEN)]
     _build_shell(collection, walls)
     tall = box((-0.27, -0.27, 0.0), (0.27, 0.27, 1.1)).turned(0.32).moved((-0.38, 0.35, 0.0))
@@ -57,7 +58,7 @@ def build_room(scene: bpy.types.Scene, seed: int = 1) -> None:
     scene.view_settings.view_transform = "Standard"
 
 
-def _matt(name: str, color: textures.Colour | None = None, image: bpy.types.Image | None = None) -> bpy.types.Material:
+def _matt(name: str, color: Colour | None = None, image: bpy.types.Image | None = None) -> bpy.types.Material:
     return principled(name, color, image, roughness=1.0, specular=0.0)
 
 

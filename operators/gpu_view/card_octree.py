@@ -4,15 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.process.computed import computed
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.sampling.patchnet_plus import estimators_fit
 from ...patchnet_addon.sampling.plus.weights import estimators_of
 from ...patchnet_addon.tracing.camera import CameraUnit
@@ -24,8 +23,8 @@ from .packing import (
     coded_word_count,
     estimator_block,
     film_words,
+    first_piece_words,
     layer_blocks,
-    rank_words,
 )
 from .shaders import (
     DECODER,
@@ -95,18 +94,16 @@ class CardOctree:
     def upload(self, octree: Octree) -> Steps[None]:
         """Pack and upload one texture after the other: all that pictures need."""
         for name, pack in OCTREE_WORDS.items():
-            yield from self._add(name, partial(pack, octree))
-        yield from self._add("ranks", partial(rank_words, octree, None))
+            yield from self._add(name, pack, octree)
         if octree.pieces is not None:
-            yield from self._add("first_pieces", lambda: octree.first_child.reshape(-1, 1))
+            yield from self._add("first_pieces", first_piece_words, octree)
             for name, pack_pieces in PIECE_WORDS.items():
-                yield from self._add(name, partial(pack_pieces, octree.pieces))
+                yield from self._add(name, pack_pieces, octree.pieces)
 
     def upload_codes(self, coded: CodedOctree) -> Steps[None]:
         """Pack and upload what the decoder needs beside that; codes of weights that `packing.fits_card` has."""
         for name, pack in CODED_WORDS.items():
-            yield from self._add(name, partial(pack, coded))
-        yield from self._add("ranks", partial(rank_words, coded.octree, coded))
+            yield from self._add(name, pack, coded)
         for name, values in zip(LAYER_BLOCKS, layer_blocks(coded.weights), strict=True):
             self._bound[name] = self.device.block(values)
         self._coded_words, self._width = coded_word_count(coded), coded.weights.kind.width
@@ -114,9 +111,9 @@ class CardOctree:
         if self.estimates:
             self._bound["estimator"] = self.device.block(estimator_block(estimators_of(coded.weights)))
 
-    def _add(self, name: str, pack: Callable[[], np.ndarray]) -> Steps[None]:
-        """Pack a texture beside a caller that waits, and upload it."""
-        words = yield from computed(pack, Progress(len(self._bound), 0, "Uploading the octree"))
+    def _add(self, name: str, pack: Callable[[Any], np.ndarray], packed: Any) -> Steps[None]:
+        """Let the engine pack a texture, and upload it."""
+        words = yield from computed(pack, packed, at=Progress(len(self._bound), 0, "Uploading the octree"))
         before = self._bound.pop(name, None)
         self._bound[name] = self.device.texture(words)
         self.nbytes += words.nbytes if before is None else 0

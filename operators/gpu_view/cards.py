@@ -15,10 +15,9 @@ import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.runtime.errors import PatchNetError
+from ...patchnet_addon.runtime.errors import EngineGoneError, PatchNetError
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.runtime.quantities import bytes_text
-from ...patchnet_addon.runtime.worker import attended
 from ..properties.preferences import VIEWPORT_AUTO, VIEWPORT_CPU, preferences
 from ..scene_access.window_state import Part
 from .card_octree import CardOctree
@@ -178,8 +177,9 @@ def card_of(context: bpy.types.Context, octree: Octree) -> CardOctree | None:
         card = _cards()[octree] = _Card(octree, chosen)
     if card.coming:
         try:
-            with attended():  # packing is beside the window
-                next(card.steps, None)
+            next(card.steps, None)
+        except EngineGoneError:
+            _cards()[octree] = _Card(octree, chosen)
         except CardError as error:
             card.reason = str(error)
     return card.octree
@@ -194,8 +194,9 @@ def codes_on_card(coded: CodedOctree) -> tuple[bool, str]:
     if card.codes is None or card.codes[0]() is not coded:
         card.codes, card.coded, card.no_codes = (ref(coded), card.bring_codes(coded)), False, ""
     try:
-        with attended():
-            next(card.codes[1], None)
+        next(card.codes[1], None)
+    except EngineGoneError:
+        card.codes = None  # they are begun anew
     except CardError as error:
         card.no_codes = str(error)
     return card.coded, card.no_codes

@@ -50,13 +50,6 @@ _HERE = (
 )
 # Inputs of the estimator as `estimate_main.glsl` makes them: of each place in the window, then of the pixel itself.
 INPUTS = [(*near, place) for place in WINDOW for near in _NEAR] + [(*here, CENTRE) for here in _HERE]
-CODED_WORDS: dict[str, Callable[[CodedOctree], np.ndarray]] = {
-    "codes": lambda coded: np.ascontiguousarray(coded.codes[:, :8]).view(np.uint32),
-    "code_ends": lambda coded: np.ascontiguousarray(coded.codes[:, 8:]).view(np.uint32),
-    "cells": lambda coded: np.ascontiguousarray(coded.corner_cells).reshape(-1, 4),
-    "corner_rows": lambda coded: coded.corner_rows.reshape(-1, 1),
-    "normals": lambda coded: np.pad(coded.octree.normal, ((0, 0), (0, 1))).view(np.uint32),
-}
 
 
 def node_words(octree: Octree) -> np.ndarray:
@@ -142,6 +135,41 @@ def rank_words(octree: Octree, coded: CodedOctree | None) -> np.ndarray:
     return words
 
 
+def plain_rank_words(octree: Octree) -> np.ndarray:
+    """`rank_words` of an octree without codes."""
+    return rank_words(octree, None)
+
+
+def coded_rank_words(coded: CodedOctree) -> np.ndarray:
+    """`rank_words` of an octree with codes."""
+    return rank_words(coded.octree, coded)
+
+
+def code_words(coded: CodedOctree) -> np.ndarray:
+    """Words (n, 4) uint32 of the first eight numbers of each corner's code."""
+    return np.ascontiguousarray(coded.codes[:, :8]).view(np.uint32)
+
+
+def code_end_words(coded: CodedOctree) -> np.ndarray:
+    """Words (n, 1) uint32 of the other two."""
+    return np.ascontiguousarray(coded.codes[:, 8:]).view(np.uint32)
+
+
+def cell_words(coded: CodedOctree) -> np.ndarray:
+    """Words (n, 4) uint32 of the cells of corners."""
+    return np.ascontiguousarray(coded.corner_cells).reshape(-1, 4)
+
+
+def corner_row_words(coded: CodedOctree) -> np.ndarray:
+    """Words (n, 1) uint32 of the rows of corners."""
+    return coded.corner_rows.reshape(-1, 1)
+
+
+def normal_words(coded: CodedOctree) -> np.ndarray:
+    """Words (n, 1) uint32 of mean normals, x, y and z as signed bytes."""
+    return np.pad(coded.octree.normal, ((0, 0), (0, 1))).view(np.uint32)
+
+
 def coded_word_count(coded: CodedOctree) -> int:
     """How many words of `rank_words` may name coded nodes; those behind have none."""
     return 2 * len(coded.nodes.bits)
@@ -178,6 +206,36 @@ def estimator_block(estimators: Estimators) -> np.ndarray:
     ends = np.zeros((UNITS + 1, 4), np.float32)
     ends[:-1, :2], ends[-1, :2] = last[0].T, last[1]
     return np.concatenate([inputs.ravel(), first[1], second[0].T.ravel(), second[1], ends.ravel()])
+
+
+def first_piece_words(octree: Octree) -> np.ndarray:
+    """Words (n, 1) uint32: the first piece of each leaf."""
+    return octree.first_child.reshape(-1, 1)
+
+
+def triangle_words(pieces: Pieces) -> np.ndarray:
+    """Words (n, 1) uint32: the triangle of each piece."""
+    return pieces.triangle.reshape(-1, 1)
+
+
+def light_words(pieces: Pieces) -> np.ndarray:
+    """Words (n, C) uint32: light of each piece."""
+    return pieces.light
+
+
+def uv_words(pieces: Pieces) -> np.ndarray:
+    """Words (n, 2) uint32: UVs of triangles' corners as floats."""
+    return np.ascontiguousarray(pieces.uvs[:, :DETAIL]).view(np.uint32).reshape(-1, 2)
+
+
+def texel_words(pieces: Pieces) -> np.ndarray:
+    """Words (n, 1) uint32 of texels."""
+    return pieces.textures.texels.reshape(-1, 1)
+
+
+def mip_words(pieces: Pieces) -> np.ndarray:
+    """Words (n, C) uint32 of levels of mip chains."""
+    return np.pad(pieces.textures.levels, ((0, 0), (0, 1))).astype(np.uint32)
 
 
 def corner_words(pieces: Pieces) -> np.ndarray:
@@ -235,14 +293,23 @@ OCTREE_WORDS: dict[str, Callable[[Octree], np.ndarray]] = {
     "hues": hue_words,
     "sides": side_words,
     "bright": bright_words,
+    "ranks": plain_rank_words,
+}
+CODED_WORDS: dict[str, Callable[[CodedOctree], np.ndarray]] = {
+    "codes": code_words,
+    "code_ends": code_end_words,
+    "cells": cell_words,
+    "corner_rows": corner_row_words,
+    "normals": normal_words,
+    "ranks": coded_rank_words,
 }
 PIECE_WORDS: dict[str, Callable[[Pieces], np.ndarray]] = {
-    "pieces": lambda pieces: pieces.triangle.reshape(-1, 1),
-    "lights": lambda pieces: pieces.light,
+    "pieces": triangle_words,
+    "lights": light_words,
     "corners": corner_words,
-    "uvs": lambda pieces: np.ascontiguousarray(pieces.uvs[:, :DETAIL]).view(np.uint32).reshape(-1, 2),
-    "texels": lambda pieces: pieces.textures.texels.reshape(-1, 1),
-    "mips": lambda pieces: np.pad(pieces.textures.levels, ((0, 0), (0, 1))).astype(np.uint32),
+    "uvs": uv_words,
+    "texels": texel_words,
+    "mips": mip_words,
     "chains": chain_words,
     "materials": material_words,
 }

@@ -8,7 +8,8 @@ with the octree. Where a voxel holds painted and other surfaces, the painted one
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import bpy
 import numpy as np
@@ -17,17 +18,17 @@ from mathutils.interpolate import poly_3d_calc
 
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.errors import SettingError
-from ...patchnet_addon.runtime.progress import Progress, Steps
-from ...patchnet_addon.sampling.importance import PixelRect, beside_hits, picture_weights
+from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.sampling.importance import PixelRect
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.strokes import Lookup, Painted
 from ...patchnet_addon.surface.chroma import REC709
 from ..scene.render_geometry import render_geometry, shown_instances, shows_mesh
 from ..state.digest import Digest
 from .painted import Importance
 
-_LABEL = "Looking up importance"
-_PER_STEP = 4096
-_HALF_DIAGONAL = 0.5 * 3.0**0.5 * 1.001  # in voxel sides, with a margin for rounding
+Result = TypeVar("Result")
+_PER_STEP = 1024  # a hundredth of a second
 
 
 def painted_image(name: str) -> np.ndarray:
@@ -59,13 +60,29 @@ class Strokes:
     picture: np.ndarray | None = None
     surface: PaintedSurface | None = None
 
-    def weights(self, grid: Grid, buffers: PixelBuffers, rect: PixelRect | None = None) -> Steps[np.ndarray]:
-        """(P,) float32 in [0, 1] for the pixels of a view of an octree; `rect`: what an image is stretched over."""
-        if self.surface is not None:
-            weights = yield from vertex_group_weights(self.surface, grid, buffers)
-            return beside_hits(buffers.picture(weights), buffers.picture(buffers.hit)).ravel()
-        assert self.picture is not None
-        return picture_weights(self.picture, buffers.height, buffers.width, rect)
+    def weights(self, grid: Grid, rect: PixelRect | None = None) -> Painted:
+        """Weights of the pixels of a view of an octree, to be computed by steps that are passed on by `answering`.
+
+        rect: area that an image is stretched over.
+        """
+        return Painted(grid, self.picture, rect)
+
+    def answering(self, steps: Steps[Result]) -> Steps[Result]:
+        """Pass on steps, and fill in the weights of the surface that they ask for, some at each step."""
+        lookup, known = None, 0
+        try:
+            while True:
+                report = next(steps)
+                if isinstance(report.partial, Lookup):
+                    lookup, known = report.partial, 0
+                    report = replace(report, partial=None)
+                if lookup is not None and self.surface is not None:
+                    known = self.surface.fill_in(lookup, known)
+                yield report
+        except StopIteration as stop:
+            return stop.value
+        finally:
+            steps.close()
 
 
 def read_strokes(importance: Importance, scope: str, depsgraph: bpy.types.Depsgraph) -> Strokes:
@@ -85,7 +102,7 @@ def read_strokes(importance: Importance, scope: str, depsgraph: bpy.types.Depsgr
 def pixel_importance(importance: Importance, scope: str, grid: Grid, buffers: PixelBuffers) -> Steps[np.ndarray]:
     """(P,) float32 in [0, 1] for the pixels of a view of the open scene, as `read_strokes` finds them."""
     strokes = read_strokes(importance, scope, bpy.context.evaluated_depsgraph_get())
-    return (yield from strokes.weights(grid, buffers))
+    return (yield from strokes.answering(strokes.weights(grid)(buffers)))
 
 
 def importance_key(importance: Importance | None) -> str:
@@ -122,6 +139,13 @@ class PaintedSurface:
         self._weights = np.concatenate(weights)
         self._tree = BVHTree.FromPolygons(self._points.tolist(), self._triangles.tolist(), all_triangles=True)
 
+    def fill_in(self, lookup: Lookup, first: int) -> int:
+        """Look up weights from the index `first` on, for a moment; returns the index of the next one."""
+        last = min(first + _PER_STEP, len(lookup.weights))
+        for index in range(first, last):
+            lookup.weights[index] = self.weight(lookup.centres[index], lookup.reaches[index])
+        return last
+
     def weight(self, point: np.ndarray, reach: float) -> float:
         """Interpolated weight of the surface nearest to a point (3,), 0 where there is none within `reach`."""
         found, _normal, index, _distance = self._tree.find_nearest(point.tolist(), reach)
@@ -131,24 +155,6 @@ class PaintedSurface:
         # float32, whose sum is nearly 1; NaN where all corners are one point.
         shares = np.nan_to_num(poly_3d_calc(self._points[corners].tolist(), found), nan=1.0)
         return float(np.average(self._weights[corners], weights=shares))
-
-
-def vertex_group_weights(surface: PaintedSurface, grid: Grid, buffers: PixelBuffers) -> Steps[np.ndarray]:
-    """(P,) float32: the weight of the surface in each pixel's voxel; 0 for a miss."""
-    weights = np.zeros(len(buffers.preview), np.float32)
-    pixels = np.flatnonzero(buffers.hit)
-    nodes, pick, rows = np.unique(buffers.hits.node[pixels], return_index=True, return_inverse=True)
-    levels, cells = buffers.hits.level[pixels][pick], buffers.hits.cell[pixels][pick]
-    sides = np.exp2(-levels.astype(np.float64))[:, None]
-    centres = grid.to_world((cells + 0.5) * sides)
-    reaches = sides[:, 0] * grid.side_world * _HALF_DIAGONAL
-    of_node = np.zeros(len(nodes), np.float32)
-    for start in range(0, len(nodes), _PER_STEP):
-        yield Progress(start, len(nodes), _LABEL)
-        for index in range(start, min(start + _PER_STEP, len(nodes))):
-            of_node[index] = surface.weight(centres[index], reaches[index])
-    weights[pixels] = of_node[rows.reshape(-1)]
-    return weights
 
 
 def group_weights(item: bpy.types.Object, mesh: bpy.types.Mesh, group: str) -> np.ndarray:

@@ -14,17 +14,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 from bpy.app.handlers import persistent
 
+from ...patchnet_addon.process.computed import refused, settle
 from ...patchnet_addon.runtime import log
 from ...patchnet_addon.runtime.errors import FileAccessError, FilesGoneError, PatchNetError, StoppedError
-from ...patchnet_addon.runtime.interrupt import TERMINATED, end_process, exit_code_of, prompt_interrupt
 from ...patchnet_addon.runtime.log import unexpected
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.runtime.quantities import counted
-from ...patchnet_addon.runtime.worker import attended
 from ..properties.job import job_settings
 from ..properties.preferences import apply_preferences
 from ..scene_access.own import quiet
-from ..scene_access.temporary import session_folder_goes
 from ..scene_access.unread_file import check_opened
 from ..scene_access.window_job import escaped, in_window, note_click, others_job_is_running
 from ..scene_access.window_state import Part
@@ -42,8 +40,8 @@ if TYPE_CHECKING:
 else:
     OperatorBase = object  # Blender requires its own class among the direct bases of each operator
 
-SLICE_S = 0.05  # of work between two redraws of the window
-_TICK_S = 0.02
+SLICE_S = 0.02  # of work between two redraws of the window
+_TICK_S = 0.01
 _GONE = "The scene of this job was deleted or closed: open it and start again"
 
 
@@ -81,7 +79,6 @@ class JobOperator(OperatorBase):
     """
 
     bl_options: ClassVar[set[str]] = {"REGISTER"}
-    uses_kernels: ClassVar[bool] = True  # the job waits until they are compiled
     _outcome: set[str]
     _steps: Steps[str]
     _file: Path | None = None  # output, for the log
@@ -97,21 +94,12 @@ class JobOperator(OperatorBase):
         return no_job_runs(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Run all steps now; in background, until Ctrl-C, or SIGTERM, which also ends the process."""
+        """Run all steps now."""
         if not self._begin(context):
             return {"CANCELLED"}
         try:
-            if bpy.app.background:
-                session_folder_goes()
-            with prompt_interrupt() if bpy.app.background else nullcontext():
-                while not self._outcome:
-                    self._pull(alive=False)
-        except KeyboardInterrupt as stop:
-            self._steps.close()
-            if exit_code_of(stop) == TERMINATED:  # otherwise a script that continues after an error would not end
-                end_process(TERMINATED, self._stopped())
-            tell(self, "ERROR", self._stopped())
-            self._outcome = {"CANCELLED"}
+            while not self._outcome:
+                self._pull(alive=False)
         except Exception as error:
             unexpected(error)
             raise
@@ -126,8 +114,6 @@ class JobOperator(OperatorBase):
             return self.execute(context)
         if not self._begin(context):
             return {"CANCELLED"}
-        if self.uses_kernels:
-            self._steps = _after_compiling(self._steps)
         self._scene, self._layer = context.scene, context.view_layer
         change_monitor().begin(context.scene)
         job = job_in_window()
@@ -145,7 +131,7 @@ class JobOperator(OperatorBase):
         note_click(context, event)
         if escaped(event):
             self.cancel(context)
-            tell(self, "INFO", self._stopped(alive=True), logged_as="ERROR")
+            tell(self, "INFO", self._stopped(), logged_as="ERROR")
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"} if passes(context, event) else {"RUNNING_MODAL"}
@@ -172,6 +158,7 @@ class JobOperator(OperatorBase):
         try:
             with quiet():  # stopping restores the scene
                 self._steps.close()
+            settle()
         finally:
             self._end_modal(context)
 
@@ -217,16 +204,18 @@ class JobOperator(OperatorBase):
     def _pull(self, *, alive: bool) -> None:
         """Pull a step, and set the outcome after the last one; only here, domain errors become reports.
 
-        alive: a window waits, so that the step returns soon and leaves work to threads.
+        alive: a window waits, so that bakes and renders of Cycles are jobs of Blender.
         """
         try:
-            with quiet(), in_window(alive), attended() if alive or bpy.app.background else nullcontext():
+            with quiet(), in_window(alive):
                 progress = next(self._steps)
         except StopIteration as stop:
             tell(self, "INFO", stop.value, file=self._file)
+            if refused():
+                tell(self, "WARNING", refused())
             self._outcome = {"FINISHED"}
         except StoppedError as error:
-            text = self._stopped(alive=True) if alive else str(error)
+            text = self._stopped() if alive else str(error)
             tell(self, "INFO" if alive else "ERROR", text, logged_as="ERROR")
             self._outcome = {"CANCELLED"}
         except (PatchNetError, ImportError, OSError, MemoryError) as error:
@@ -246,10 +235,10 @@ class JobOperator(OperatorBase):
         found = FilesGoneError.of(error) or (FileAccessError.of(error) if isinstance(error, OSError) else None)
         return None if found is None else str(found)
 
-    def _stopped(self, *, alive: bool = False) -> str:
-        if self._goes_on:
-            return "Stopped. Press again to go on." if alive else f"{self.bl_label} was stopped: run it again to go on"
-        return f"{self.bl_label} was stopped: nothing was changed"
+    def _stopped(self) -> str:
+        return (
+            "Stopped. Press again to go on." if self._goes_on else f"{self.bl_label} was stopped: nothing was changed"
+        )
 
     def _end_modal(self, context: bpy.types.Context) -> None:
         job = job_in_window()
@@ -276,13 +265,6 @@ class JobInWindow:
 
 
 job_in_window = Part("job", JobInWindow)
-
-
-def _after_compiling(steps: Steps[str]) -> Steps[str]:
-    from .compile_ahead import compiled_ahead
-
-    yield from compiled_ahead()
-    return (yield from steps)
 
 
 @persistent

@@ -14,6 +14,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ...patchnet_addon.image.tone import to_bytes
+from ...patchnet_addon.runtime.progress import Steps
 from ..session.scene_session import session_of
 from ..session.shown_view import view_to_show
 from ..session.views import show_images
@@ -23,15 +24,15 @@ from .open_pictures import unfinished_pictures as unfinished_pictures
 from .paint import textures
 
 if TYPE_CHECKING:
-    from ..pipeline.views import View
+    from ..computing.views import View
 
 
-def show(context: bpy.types.Context, views: Sequence[View], wanted: ViewSettings) -> None:
+def show(context: bpy.types.Context, views: Sequence[View], wanted: ViewSettings) -> Steps[None]:
     """Write the pictures of views into images, and show the first view's heatmap in an Image Editor."""
     heatmaps = []
     for view in views:
         made = view_to_show(view, wanted, context.scene.patchnet.heatmap_maximum)
-        heatmaps.append(show_images(view, made)["heatmap"])
+        heatmaps.append((yield from show_images(view, made))["heatmap"])
         if not bpy.app.background:  # no editor draws views
             session_of(context.scene).views[made.camera.name] = made
     _come_up(context, heatmaps[0])

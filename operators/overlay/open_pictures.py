@@ -23,7 +23,7 @@ from .framed import Rect, free_rect
 from .overlay_settings import overlay_state
 
 if TYPE_CHECKING:
-    from ..pipeline.unfinished import Meanwhile, Unfinished
+    from ...patchnet_addon.image.unfinished import Meanwhile, Unfinished
 
 _INSET = 0.4  # of the viewport's sides, at most
 _GAP_PX = 8

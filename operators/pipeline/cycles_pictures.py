@@ -13,8 +13,9 @@ from ...patchnet_addon.image.colormaps import colormap
 from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import magnify, with_legend
 from ...patchnet_addon.runtime.quantities import error_text
-from ..scene_access.images import ERROR_MAXIMUM, save_png, show_image
-from .cycles_refine import COMPOSITED, FULL, CyclesView
+from ..computing.cycles_pixels import COMPOSITED, FULL, CyclesView
+from ..computing.views import ERROR_MAXIMUM
+from ..scene_access.images import save_png, show_image
 
 _SHEET_NAME = "cycles_compare.png"
 _DIMMED = 0.35  # of the heatmap where Cycles does not render

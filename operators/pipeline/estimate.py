@@ -10,11 +10,12 @@ from typing import Any
 import bpy
 
 from ...patchnet_addon.octree.grid import Grid
-from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
+from ...patchnet_addon.process.computed import computed
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.quantities import bytes_text, count_text, counted
-from ...patchnet_addon.runtime.worker import run_in_worker
 from ...patchnet_addon.surface.scene_mesh import SceneMesh
 from ...patchnet_addon.tracing.camera import Camera
+from ..computing.grids import Expected, expected_octree
 from ..cycles.bake.gloss_passes import gloss_warnings, with_view
 from ..scene.cameras import focus_warnings, looking_cameras
 from ..scene.read import read_scene
@@ -23,9 +24,8 @@ from ..scene_access.lengths import length_text
 from ..settings.job_settings import JobSettings
 from .job_work import Rates, layers_of, light_paths, time_line, work_of
 from .lit_octree import fit_cameras
-from .stages import encoder_text, fitted_levels, load_network
+from .stages import encoder_text
 
-_MORE_LEAVES = 1.15  # than a rough fit finds, which does not look through the gaps of fine leaves
 _BYTES_PER_CODED = 12.2 + 2.2 * 20  # index, and codes shared with neighbours
 
 
@@ -72,12 +72,12 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
     depsgraph, bounds_world = context.evaluated_depsgraph_get(), settings.surface.bounds_world(source)
     cameras = yield from looking_cameras(depsgraph, views.cameras, views.size, bounds_world, source)
     fit = (yield from fit_cameras(context, settings, source)) if settings.surface.track else cameras
-    steps = run_in_worker(lambda: _estimate(source, cameras, fit, settings), Progress(0, 1, "Estimating"))
+    steps = computed(expected_octree, source, tuple(cameras), tuple(fit), settings, at=Progress(0, 1, "Estimating"))
     of_light = source.color_warnings
     if light.is_baked:
         of_light = gloss_warnings(source, with_view(context.scene, light, views.cameras, track=settings.surface.track))
     notes = (*focus_warnings(context.scene, cameras), *source.warnings, *of_light)
-    found = replace((yield from steps), notes=notes)
+    found = replace(_estimate(settings, (yield from steps), source, cameras, fit), notes=notes)
     side = settings.surface.voxel_size_world or Grid.around(bounds_world, found.depth).voxel_size_world
     device = device_text(context, settings.light.device) if light.is_baked else ""
     found.lines = _lines(found, length_text(context.scene, side), device, encoder_text(settings.network))
@@ -85,46 +85,25 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
 
 
 def _estimate(
-    source: SceneMesh, cameras: Sequence[Camera], fit: Sequence[Camera], settings: JobSettings
-) -> Steps[Estimate]:
-    """Estimate of pictures through cameras; fit: those that leaves and light are fitted to."""
-    from ...patchnet_addon.lod.depth import coarse_octree, expected_share
-    from ...patchnet_addon.lod.memory import available_memory, expected_leaves, peak_bytes, stored_bytes
-    from ...patchnet_addon.octree.blocks import plan_passes
-    from ...patchnet_addon.octree.leaf_levels import BLOCK_FRAGMENTS, LeafLevels
-
-    surface, light = settings.surface, settings.light
-    lookahead = load_network(settings.network).lookahead
-    if surface.is_fitted:
-        grid, fitted = yield from labelled(fitted_levels(source, fit, settings, rough=True), "Estimating")
-        layout, rough_leaves, share = fitted.layout, fitted.leaves, fitted.lookahead_share
-        leaves = int(_MORE_LEAVES * rough_leaves)
-    else:
-        grid = surface.given_grid(source)
-        bounds_world = surface.bounds_world(source)
-        coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Estimating")
-        yield Progress(1, 2, "Estimating: what cameras see")
-        layout = LeafLevels.uniform(grid.depth)
-        leaves = rough_leaves = expected_leaves(coarse, grid.depth)
-        share = expected_share(coarse, cameras, grid.depth, lookahead=lookahead)
-    rates = Rates()
-    triangles = source.triangle_count
+    settings: JobSettings, expected: Expected, source: SceneMesh, cameras: Sequence[Camera], fit: Sequence[Camera]
+) -> Estimate:
+    """Estimate of an expected octree's job; fit: cameras that leaves and light are fitted to."""
+    light, leaves, rates = settings.light, expected.leaves, Rates()
     pixels = sum(camera.pixel_count for camera in cameras)
-    yield Progress(1, 1, "Estimating")
-    layers = layers_of(plan_passes(source, grid, layout, BLOCK_FRAGMENTS)[1], rough_leaves)
-    work = work_of(settings, pixels=pixels, triangles=triangles, leaves=layers * leaves, cameras=fit)
+    layers = layers_of(expected.fragments, expected.rough_leaves)
+    work = work_of(settings, pixels=pixels, triangles=source.triangle_count, leaves=layers * leaves, cameras=fit)
     seconds = rates.seconds(work)
     return Estimate(
-        depth=grid.depth,
-        fitted=surface.is_fitted,
+        depth=expected.grid.depth,
+        fitted=settings.surface.is_fitted,
         layers=layers,
         leaves=leaves,
-        octree_bytes=stored_bytes(leaves, settings.contents),
+        octree_bytes=expected.octree_bytes,
         # Nodes with look-ahead, that many levels above the leaves and further up, are this share of the leaves.
-        codes_bytes=int(leaves / (3.0 * 4.0 ** (lookahead - 1)) * _BYTES_PER_CODED),
-        peak_bytes=peak_bytes(leaves, settings.contents),
-        free_bytes=settings.surface.memory_bytes or available_memory(),
-        lookahead_share=share,
+        codes_bytes=int(leaves / (3.0 * 4.0 ** (expected.lookahead - 1)) * _BYTES_PER_CODED),
+        peak_bytes=expected.peak_bytes,
+        free_bytes=expected.free_bytes,
+        lookahead_share=expected.lookahead_share,
         paths=light_paths(settings, fit, leaves=leaves) if light.is_baked else 0.0,
         made_for=_made_for(source, cameras, fit),
         seconds=seconds,

@@ -8,17 +8,18 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
+from ...patchnet_addon.lod.ray_rows import rows_apart
 from ...patchnet_addon.runtime.bounds import MOST_STILLS, SMALL_PX
 from ...patchnet_addon.runtime.cache_folder import user_cache_folder
 from ...patchnet_addon.runtime.eta import JobEta, range_text
+from ...patchnet_addon.runtime.owned_folder import owned_folder
 from ...patchnet_addon.runtime.progress import Result, Steps, changed
-from ...patchnet_addon.runtime.replace import temporary_path
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.surface.scene_mesh import SceneMesh
 from ...patchnet_addon.tracing.camera import Camera
+from ..computing.grids import GridChoice
 from ..schema.values import SEEN_CELLS
 from ..settings.job_settings import JobSettings
-from .stages import GridChoice
 
 FILE_NAME = "rates.json"
 AGAIN = frozenset({"first look", "views", "cycles"})  # stages that a job enters several times
@@ -70,10 +71,7 @@ def work_of(
 
 def _traced(cameras: Sequence[Camera], pixels: int) -> float:
     """Pixels whose rays choose leaves: of a long track's frames some rows each."""
-    from ...patchnet_addon.lod.stops import bands_of  # imports numba
-
-    apart = bands_of(0, len(cameras), 0).step
-    return max(float(pixels), sum(camera.pixel_count for camera in cameras) / apart)
+    return max(float(pixels), sum(camera.pixel_count for camera in cameras) / rows_apart(len(cameras)))
 
 
 def layers_of(pieces: float, leaves: int) -> float:
@@ -125,11 +123,9 @@ class Rates:
             if _takes_time(name, units) and seconds.get(name, 0.0) > 0.0:
                 before = self._sums.get(name, (0.0, 0.0))
                 self._sums[name] = _KEPT * before[0] + seconds[name], _KEPT * before[1] + units
-        temporary = temporary_path(self._path)
-        with suppress(OSError):
-            temporary.write_text(json.dumps(self._sums), encoding="utf-8")
-            os.replace(temporary, self._path)
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError), owned_folder(self._path) as folder:
+            (folder / FILE_NAME).write_text(json.dumps(self._sums), encoding="utf-8")
+            os.replace(folder / FILE_NAME, self._path)
 
 
 def _takes_time(name: str, units: float) -> bool:

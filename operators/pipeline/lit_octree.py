@@ -11,43 +11,50 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import astuple, dataclass, field, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
 
 from ...patchnet_addon.export.fine_light import LIGHT_NOISE
-from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.octree.leaf_levels import LeafLevels
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.process.computed import computed
+from ...patchnet_addon.process.transfer import Remote
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
-from ...patchnet_addon.runtime.worker import computed
-from ...patchnet_addon.surface.mesh import RotatedSource, random_rotation
 from ...patchnet_addon.surface.scene_mesh import SceneMesh
 from ...patchnet_addon.tracing.camera import Camera
+from ..computing.grids import GridChoice, load_network
+from ..computing.octrees import (
+    UNLIT,
+    Building,
+    LitSurface,
+    build_octree,
+    cut_surface,
+    own_color,
+    turned_surface,
+    two_lights,
+)
 from ..cycles.bake.gloss_passes import baked_with_gloss, seen_through, with_view
 from ..cycles.daylight import has_light
 from ..scene.cameras import AUTO, choose_cameras, looking_cameras
 from ..scene.precision import light_warnings, thin_warnings
-from ..scene.read import read_scene
+from ..scene.read import scene_surface
 from ..scene.track import track_cameras
 from ..schema.values import SEEN_CELLS, SELECTED
 from ..settings.job_settings import JobSettings
 from ..state.digest import composed
-from ..state.watch import read_state
+from ..state.watch import read_state, with_gloss_from_camera
 from .job_work import layers_of
-from .stages import NO_LIGHT, UNLIT, GridChoice, build, choose_grid, load_network, two_lights, unlit
+from .stages import NO_LIGHT, choose_grid, provenance
 
-if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
-    from ...patchnet_addon.light.surface_light import SurfaceLight
-    from ...patchnet_addon.octree.leaf_levels import LeafLevels
+if TYPE_CHECKING:
     from ...patchnet_addon.octree.voxelize import ClippedSurface
     from ..state.scene_state import SceneState
 
 
-_FRAGMENTS_SHARE = 1 / 8  # of the memory, for the pieces of the surface in leaves
 EachOctree = Callable[["LitOctree"], Steps[None]]
 
 
@@ -138,20 +145,23 @@ def read_surface(
         settings = replace(settings, light=with_view(context.scene, settings.light, names, track=track))
     with clock.stage("read"):
         yield Progress(0, 1, "Reading the scene")
+        scene, layer, selected = context.scene, "", settings.surface.scope == SELECTED
+        if overrides.depsgraph is not None:
+            scene, layer = overrides.depsgraph.scene.original, overrides.depsgraph.view_layer.name
+        # First, so that changes between two steps are noticed.
+        state = read_state(scene, layer, selected=selected, chosen=overrides.chosen)
+        yield Progress(0, 1, "Reading the scene")
         depsgraph = overrides.depsgraph or context.evaluated_depsgraph_get()
-        source = read_scene(depsgraph, settings.surface.scope, overrides.chosen)
+        source = yield from scene_surface(depsgraph, settings.surface.scope, overrides.chosen)
+        depsgraph = overrides.depsgraph or context.evaluated_depsgraph_get()
         if settings.light.is_baked and settings.light.daylight is None:
             settings = settings.changed(daylight=not has_light(depsgraph))
         if settings.light.is_baked:
             source = seen_through(source, settings.light.gloss)
         # With the place of the camera if gloss is baked for it.
         seen = settings.light.is_baked and not overrides.unlit and bool(settings.light.from_camera)
-        seen = seen and bool(baked_with_gloss(source, settings.light.gloss).any())
-        scene, layer = context.scene, ""
-        if overrides.depsgraph is not None:
-            scene, layer = depsgraph.scene.original, depsgraph.view_layer.name
-        selected = settings.surface.scope == SELECTED
-        state = read_state(scene, layer, selected=selected, chosen=overrides.chosen, gloss_from_camera=seen)
+        if seen and baked_with_gloss(source, settings.light.gloss).any():
+            state = with_gloss_from_camera(state, scene)
         return ReadSurface(settings, overrides, source, state)
 
 
@@ -191,37 +201,33 @@ def light_octree(
     each_round: takes the octree after each round of a bake but the last, if it is less noisy than what is known,
     unless baking a further round took less time than that.
     """
-    from ...patchnet_addon.lod.memory import available_memory
-    from ...patchnet_addon.octree.voxelize import ClippedSurface
-
     overrides, source, settings = surface.overrides, surface.source, surface.settings
     coarse = light_warnings(source, choice.grid) if surface.is_baked else ()
-    clipping, color = Progress(0, 1, "Planning the voxels"), settings.light.color
-    keep_bytes = _FRAGMENTS_SHARE * (settings.surface.memory_bytes or available_memory())
+    clipping, turned = Progress(0, 1, "Planning the voxels"), None
     with clock.stage("voxelize"):
-        cut = partial(ClippedSurface, source, choice.grid, choice.layout, keep_bytes=keep_bytes, color=color)
-        clipped = yield from computed(cut, clipping)
-        turned = clipped
+        cut = yield from computed(cut_surface, source, choice.grid, choice.layout, settings, at=clipping)
         if overrides.rotation:
-            rotated = RotatedSource(source, random_rotation(overrides.rotation))
-            grid = Grid.around(rotated.bounds_world, choice.grid.depth)
-            turned = yield from computed(lambda: ClippedSurface(rotated, grid, color=color), clipping)
+            wanted = source, overrides.rotation, choice.grid.depth, settings
+            turned = yield from computed(turned_surface, *wanted, at=clipping)
 
-    def built(lit: SurfaceLight) -> Steps[LitOctree]:
+    def built(lit: LitSurface, *, is_last: bool = False) -> Steps[LitOctree]:
+        kind = UNLIT if overrides.unlit else settings.light.kind
+        entries = provenance(source, settings, kind) | lit.notes | _scene_entries(surface)
+        building = Building(kind, entries, overrides.rotation, overrides.bisect, is_last)
         with clock.stage("voxelize"):
-            octree = yield from build(turned, _placed(surface, clipped, turned, lit), settings, *_names(surface))
+            parts = cut.clipped, turned, lit.light, settings, building
+            octree = yield from computed(build_octree, *parts, at=Progress(0, 1, "Voxelizing"))
         thin = thin_warnings(source, choice.grid, choice.cameras)
         own_color = () if surface.is_baked else source.color_warnings
         assumed = (NO_LIGHT,) if surface.is_baked and settings.light.daylight else ()
         read = *source.warnings, *surface.state.warnings
         warnings = (*read, *own_color, *choice.warnings, *thin, *coarse, *lit.warnings, *assumed)
-        kind = UNLIT if overrides.unlit else settings.light.kind
-        layers = layers_of(clipped.expected, octree.leaf_count)
+        layers = layers_of(cut.fragments, octree.leaf_count)
         return LitOctree(octree, choice.layout, kind, source, surface.state, warnings, layers, lit.reused)
 
     ended_at, showing_s = time.perf_counter(), 0.0
 
-    def shown(lit: SurfaceLight) -> Steps[None]:
+    def shown(lit: LitSurface) -> Steps[None]:
         nonlocal ended_at, showing_s
         begin = time.perf_counter()
         if each_round is None or lit.notes.get(LIGHT_NOISE, 0.0) >= known_noise:
@@ -234,30 +240,31 @@ def light_octree(
 
     with overrides.baking():
         with clock.stage("light"):
-            lit = yield from _light(context, surface, clipped, choice, shown)
-        clipped.let_go()
-        return (yield from built(lit))
+            lit = yield from _light(context, surface, cut.clipped, choice, shown)
+        return (yield from built(lit, is_last=True))
 
 
 def _light(
     context: bpy.types.Context,
     surface: ReadSurface,
-    clipped: ClippedSurface,
+    clipped: Remote[ClippedSurface],
     choice: GridChoice,
-    each_round: Callable[[SurfaceLight], Steps[None]],
-) -> Steps[SurfaceLight]:
+    each_round: Callable[[LitSurface], Steps[None]],
+) -> Steps[LitSurface]:
     """Light of the surface by the settings."""
     from ..cycles.bake import BakeJob, bake_light
 
     overrides, settings = surface.overrides, surface.settings
+    reading = Progress(0, 1, "Reading textures")
+    if overrides.unlit:
+        return (yield from computed(own_color, surface.source, settings.light, at=reading))
     if not surface.is_baked:
-        light = settings.light
-        own = unlit(surface.source, light) if overrides.unlit else two_lights(surface.source, light, overrides.rotation)
-        return (yield from own)
+        return (yield from computed(two_lights, surface.source, settings.light, overrides.rotation, at=reading))
     job = BakeJob(
         context=context,
         source=surface.source,
         clipped=clipped,
+        grid=choice.grid,
         cameras=tuple(choice.cameras),
         light=settings.light,
         lookahead=load_network(settings.network).lookahead,
@@ -267,28 +274,15 @@ def _light(
     return (yield from bake_light(job, each_round))
 
 
-def _placed(surface: ReadSurface, clipped: ClippedSurface, turned: ClippedSurface, lit: SurfaceLight) -> SurfaceLight:
-    """Light as the overrides turn it or cut it."""
-    from ...patchnet_addon.light.surface_light import upright_shade
-    from ...patchnet_addon.surface.shading import bisected_shade
-
+def _scene_entries(surface: ReadSurface) -> dict[str, Any]:
+    """Entries of the octree's file about its scene."""
     overrides = surface.overrides
-    if overrides.bisect is not None:
-        return replace(lit, shade=bisected_shade(lit.shade, surface.source.bounds_world, *overrides.bisect))
-    if turned is not clipped and surface.is_baked:
-        return replace(lit, shade=upright_shade(lit.shade, random_rotation(overrides.rotation), clipped.grid))
-    return lit
-
-
-def _names(surface: ReadSurface) -> tuple[str, dict[str, Any]]:
-    """Name of the light, and entries of the octree's file."""
-    overrides = surface.overrides
-    provenance: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     if not (overrides.rotation or overrides.bisect):
-        provenance["scene_state"] = surface.state.identity()
+        entries["scene_state"] = surface.state.identity()
         if surface.state.gloss_from:
-            provenance["gloss_from"] = surface.state.gloss_from
-    return UNLIT if overrides.unlit else surface.settings.light.kind, provenance | overrides.provenance
+            entries["gloss_from"] = surface.state.gloss_from
+    return entries | overrides.provenance
 
 
 def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: SceneMesh) -> Steps[list[Camera]]:

@@ -19,8 +19,7 @@ from ...patchnet_addon.network.weights import default_weights_path
 from ...patchnet_addon.runtime.errors import OutputError, PatchNetError
 from ...patchnet_addon.runtime.file_kinds import CODES, EXR, OCTREE, PNG, REPORT, FileKind
 from ...patchnet_addon.runtime.outputs import check_outputs
-from ...patchnet_addon.runtime.owned_folder import owned_folder, remove_left_over
-from ...patchnet_addon.runtime.replace import temporary_path
+from ...patchnet_addon.runtime.owned_folder import owned_folder
 from ..scene.cameras import AUTO, camera_names, scene_cameras
 from ..scene_access.images import OF_REFERENCE, PICTURES, PRIORITY_NAME
 from ..settings.cycles_settings import CyclesSettings
@@ -119,11 +118,10 @@ def output_folder(out: Path, files: Mapping[str, FileKind], inputs: Collection[P
         parent = parent.parent
     if out.exists() and not os.access(parent, os.W_OK):  # such as a mount
         parent = out
-    remove_left_over(parent, out.name)
     before = reported(out)
     with ExitStack() as stack:
         with _spoken_of_as(out):
-            temporary = stack.enter_context(owned_folder(parent / temporary_path(out).name))
+            temporary = stack.enter_context(owned_folder(parent / out.name))
         with _spoken_of_as(out, temporary):
             yield temporary
         check_outputs(wanted, inputs, folder=out)  # other files may have appeared during a long job
@@ -162,8 +160,7 @@ def _move(source: Path, out: Path) -> None:
         for name in sorted(files_in(source), key=lambda name: name == REPORT_NAME):
             target = out / name
             target.parent.mkdir(parents=True, exist_ok=True)
-            temporary = moved[target] = temporary_path(target)
-            stack.callback(temporary.unlink, missing_ok=True)
-            shutil.move(source / name, temporary)
+            moved[target] = stack.enter_context(owned_folder(target)) / target.name
+            shutil.move(source / name, moved[target])
         for target, temporary in moved.items():
             os.replace(temporary, target)

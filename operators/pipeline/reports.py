@@ -13,25 +13,28 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import bpy
+import numpy as np
 
+from ...patchnet_addon.process.computed import refused
+from ...patchnet_addon.process.own_wheels import other_versions
 from ...patchnet_addon.runtime.file_kinds import EXR, PNG, REPORT, FileKind
 from ...patchnet_addon.runtime.outputs import identities, identity
 from ...patchnet_addon.runtime.replace import replaced_file
 from ...patchnet_addon.runtime.versions import installed_version, own_version
 
 REPORT_NAME = "report.json"
-_LIBRARIES = ("numpy", "numba", "torch")
 _PICTURES = {ending: kind for kind in (PNG, EXR) for ending in kind.endings}
 
 
 def versions() -> dict[str, Any]:
     """Versions of PatchNet, Blender, Python and libraries; None for a missing one."""
+    own = {} if refused() else {each.package: each.own for each in other_versions()}
     return {
         "patchnet": own_version(),
         "blender": bpy.app.version_string,
         "python": platform.python_version(),
-        # Blender's own NumPy says its version only in the module.
-        **{name: getattr(sys.modules.get(name), "__version__", None) or installed_version(name) for name in _LIBRARIES},
+        "numpy": np.__version__,  # Blender's own says it only in the module
+        **{name: own.get(name) or installed_version(name) for name in ("numba", "torch")},
     }
 
 

@@ -15,18 +15,23 @@ import numpy as np
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.file import save_codes
 from ...patchnet_addon.export.fine_light import LIGHT_NOISE, fine_light_values
+from ...patchnet_addon.image.unfinished import Meanwhile
 from ...patchnet_addon.lod.memory import stored_bytes
 from ...patchnet_addon.network.devices import found_device
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import save_octree
 from ...patchnet_addon.octree.leaf_levels import LeafLevels
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.process.computed import computed
 from ...patchnet_addon.runtime.outputs import check_room
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.patchnet_plus import estimators_warning
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ...patchnet_addon.tracing.camera import Camera
+from ..computing.cycles_pixels import CyclesView
+from ..computing.grids import load_network
+from ..computing.views import View, overview
 from ..scene.cameras import focus_warnings, looking_cameras, octree_cameras
 from ..scene.pixel_filter import pixel_filter_of
 from ..scene_access.images import VIEW_TRANSFORM, save_png
@@ -35,7 +40,7 @@ from ..settings.groups import NETWORK_DEVICE
 from ..settings.job_settings import JobSettings, recorded
 from ..state.scene_state import SceneState
 from .cycles_pictures import save_cycles
-from .cycles_refine import CyclesView, refine_view
+from .cycles_refine import refine_view
 from .job_work import JobPlan
 from .lit_octree import (
     LitOctree,
@@ -48,11 +53,11 @@ from .lit_octree import (
 )
 from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs, output_folder, view_folders
 from .reports import machine, versions, write_report
-from .stages import encode, load_network
-from .unfinished import Meanwhile, first_look, stand_in_look
-from .views import View, overview, save_view, view, view_background
+from .stages import encode
+from .unfinished import first_look, stand_in_look
+from .views import save_view, view, view_background
 
-EarlyResult = Callable[["JobResult"], None]  # takes a result whose light is still being refined
+EarlyResult = Callable[["JobResult"], Steps[None]]  # takes a result whose light is still being refined
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +143,8 @@ class _Job:
 
 
 def _compute(job: _Job, before: Before | None) -> Steps[JobResult]:
-    found_device(job.settings.network.torch_device, NETWORK_DEVICE)  # a missing GPU is an error before the bake
+    # A missing GPU is an error before the bake; torch is imported by the engine alone.
+    yield from computed(found_device, job.settings.network.torch_device, NETWORK_DEVICE)
     made, cameras = yield from _lit(job, before)
     if isinstance(made, LitOctree):
         job.plan.resumed = made.reused > 0.0
@@ -217,7 +223,7 @@ def _lit(job: _Job, before: Before | None) -> Steps[tuple[LitOctree | Before, li
 
     def deliver(made: LitOctree) -> Steps[None]:
         assert job.early is not None
-        job.early((yield from _result(quick, made, cameras)))
+        yield from job.early((yield from _result(quick, made, cameras)))
 
     each_round = None if job.early is None else deliver
     made = yield from light_octree(context, surface, choice, clock, each_round, known_noise)

@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import bpy
 
+from ...patchnet_addon.process.computed import computed
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.source_hash import source_hash
 from ..cycles.bake.gloss_passes import with_view
 from ..cycles.daylight import has_light
@@ -26,10 +26,22 @@ _CODE = (
 )  # fmt: skip
 
 
-@cache
+class _Code:
+    """Hash of the code, once it is known."""
+
+    known = ""
+
+
 def code_hash() -> str:
     """Hash of the code that makes results, so that versions do not mix their results."""
-    return source_hash(*_CODE)
+    _Code.known = _Code.known or source_hash(*_CODE)
+    return _Code.known
+
+
+def hashed_code() -> Steps[None]:
+    """Have the engine hash the code, which takes a moment; `code_hash` then returns at once."""
+    if not _Code.known:
+        _Code.known = yield from computed(source_hash, *_CODE, at=Progress(0, 1, "Reading the scene"))
 
 
 def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:

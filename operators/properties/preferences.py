@@ -11,7 +11,6 @@ from bpy.props import EnumProperty, FloatProperty, StringProperty
 
 from ...patchnet_addon.image.colormaps import COLORMAPS
 from ...patchnet_addon.runtime.bounds import KEPT_GIB as KEPT
-from ...patchnet_addon.runtime.heap import reuse_freed_memory
 from ...patchnet_addon.runtime.log import set_up
 from ..scene_access.window_state import Part
 
@@ -135,13 +134,12 @@ def preferences(context: bpy.types.Context) -> Preferences:
 
 
 def apply_preferences(context: bpy.types.Context) -> None:
-    """Set up the process to work: log, allocator, and the cache folder where it was not known at registration.
+    """Set up the process to work: log, and cache folder where it was not known at registration.
 
     Raises SettingError for a log format that there is not.
     """
     chosen = preferences(context)
     set_up(level=chosen.log_level)
-    reuse_freed_memory()
     _name_cache_folder(chosen)
 
 

@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-import sys
-
 import bpy
 
 from ..gpu_view import cards
+from ..scene_access.main_thread import in_main_thread
 from ..scene_access.stop_cycles import forget_engine
-from ..session.scene_session import in_main_thread, open_sessions
+from ..session.scene_session import open_sessions
 from .engine import PatchNetRenderEngine
 
 
@@ -25,15 +24,11 @@ def unregister() -> None:
 
 @bpy.app.handlers.persistent
 def _forget_frames(*_: object) -> None:
-    """Free octrees of the animation's frames, and the memory that the allocator kept of their arrays."""
-    from ...patchnet_addon.runtime.heap import trim
-
+    """Free octrees of the animation's frames."""
     for session in open_sessions():
         session.made_frame = None
     if in_main_thread():  # a render has no graphics context
         cards.free_coming()
-    if f"{__package__}.frame_octree" in sys.modules:  # else another engine rendered
-        trim()
 
 
 HANDLERS = tuple((name, _forget_frames) for name in ("render_complete", "render_cancel", "load_post"))

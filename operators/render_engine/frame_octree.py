@@ -19,11 +19,13 @@ from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, StoppedE
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
+from ..computing.grids import load_network
 from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree, cameras_text
-from ..pipeline.stages import encode, load_network
+from ..pipeline.stages import encode
 from ..pipeline.voxels_key import surface_key, voxels_key
 from ..scene.track import track_cameras, track_frames, track_key
 from ..scene_access.frames import values_of_graph
+from ..scene_access.main_thread import in_main_thread
 from ..scene_access.own import quiet
 from ..scene_access.temporary import scene_copy
 from ..schema.values import GLOSS_AUTO, GLOSS_CAMERA, LIGHT, OCTREE, SEEN_CELLS
@@ -32,7 +34,7 @@ from ..session.job_voxels import STAGES
 from ..session.keep import keep
 from ..session.octree_cache import found_on_disk, limit_bytes, result_or_kept
 from ..session.scene_result import VOXELS, SceneResult
-from ..session.scene_session import in_main_thread, session_of
+from ..session.scene_session import session_of
 from ..session.staleness import look_again
 from ..settings.job_settings import JobSettings, recorded
 from ..state.digest import composed

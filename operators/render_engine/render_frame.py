@@ -11,13 +11,15 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.process.computed import computed
 from ...patchnet_addon.runtime.errors import StoppedError
 from ...patchnet_addon.runtime.log import event
-from ...patchnet_addon.runtime.progress import Result, Steps
-from ...patchnet_addon.runtime.worker import attended
-from ...patchnet_addon.sampling.adaptive import AdaptivePicture
+from ...patchnet_addon.runtime.progress import Progress, Result, Steps
+from ...patchnet_addon.sampling.adaptive import PictureSettings
 from ...patchnet_addon.sampling.importance import PixelRect
+from ...patchnet_addon.sampling.passes import combined
 from ...patchnet_addon.sampling.registry import strategy
+from ...patchnet_addon.sampling.rendered import RenderedPixels, rendered_picture
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.background import background
 from ..importance.pixels import read_strokes
@@ -25,12 +27,11 @@ from ..properties.job import scene_settings
 from ..properties.preferences import apply_preferences
 from ..scene.cameras import focus_warnings
 from ..scene_access.frames import values_of_graph
+from ..scene_access.main_thread import in_main_thread
 from ..schema.values import AUTO, CYCLES, VISIBLE
-from ..session.scene_session import in_main_thread
 from ..session.world_maps import awaited_background
 from ..settings.groups import samples_side
 from .frame_octree import octree_of_frame
-from .passes import pass_pixels
 from .render_camera import render_view
 
 _SHOWN_S = 0.7  # between two updates of the unfinished picture
@@ -42,13 +43,11 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     Raises StoppedError when the user stops, and PatchNetError.
     """
     apply_preferences(bpy.context)
-    from ...patchnet_addon.tracing.empty_view import why_unseen
-
     engine.warnings = ()
     scene = depsgraph.scene
     settings = scene_settings(scene.original)
     wanted = settings.view
-    chosen = strategy(wanted.strategy)
+    strategy(wanted.strategy)  # raises if there is none
     eye = engine.camera_override or (scene.camera and scene.camera.evaluated_get(depsgraph))
     camera, rect, kept, pixel_filter = render_view(scene, eye, (engine.resolution_x, engine.resolution_y))
     strokes = None
@@ -62,24 +61,20 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
         warn(engine, "PatchNet renders no motion blur: render with Cycles for the blur")
     making = octree_of_frame(depsgraph, camera, settings, partial(warn, engine), animation=engine.is_animation)
     octree, coded = pull(engine, making, 0.0, 0.3)
-    importance = None if strokes is None else partial(strokes.weights, octree.grid, rect=rect)
+    importance = None if strokes is None else strokes.weights(octree.grid, rect)
     world = pull(engine, _world(engine, depsgraph, camera, octree), 0.3, 0.3)
+    picture = PictureSettings(None, side=samples_side(wanted.render_samples or 1.0), pixel_filter=pixel_filter)
     if wanted.render_samples is None:
-        picture = AdaptivePicture(
-            octree, camera, chosen, coded, importance, wanted.unrefined, pixel_filter=pixel_filter
-        )
-        refining = picture.refine(wanted.budget, spp=wanted.spp, refined=wanted.refined_samples)
+        budget = wanted.budget, wanted.spp, wanted.refined_samples
+        picture = PictureSettings(wanted.strategy, wanted.unrefined, *budget, pixel_filter=pixel_filter)
     else:
-        picture = AdaptivePicture(octree, camera, None, None, importance, pixel_filter=pixel_filter)
-        refining = picture.sample_evenly(samples_side(wanted.render_samples))
-    output = _Output(engine, depsgraph.view_layer.name, kept, picture, world)
+        coded = None
+    output = _Output(engine, depsgraph.view_layer.name, kept, camera, octree.exposure, world)
+    tracing = Progress(0, 1, "Tracing the preview")
     try:
-        pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5)
-        assert picture.buffers is not None
-        unseen = why_unseen(octree, camera, picture.buffers.hits, float(picture.buffers.preview.max()))
-        if unseen is not None:
-            warn(engine, unseen)
-        pull(engine, output.shown_meanwhile(refining), 0.5, 1.0)
+        steps = computed(rendered_picture, octree, coded, camera, picture, importance, at=tracing)
+        steps = steps if strokes is None else strokes.answering(steps)
+        pull(engine, output.shown_meanwhile(steps), 0.3, 1.0)
     finally:  # a stopped render shows its unfinished picture
         output.end()
 
@@ -92,13 +87,13 @@ def pull(engine: bpy.types.RenderEngine, steps: Steps[Result], start: float, end
     said = ""
     try:
         while True:
-            with attended():  # a stop has an effect while kernels compile
-                report = next(steps)
+            report = next(steps)
             text = f"{report.label} {round(100 * report.fraction)} %" + (f", {report.note}" if report.note else "")
             if text != said:  # in background Blender prints it
                 said = text
                 engine.update_stats("PatchNet", text)
-                engine.update_progress(start + (end - start) * report.fraction)
+                share = report.fraction if report.whole is None else report.whole
+                engine.update_progress(start + (end - start) * share)
             if engine.test_break():
                 raise StoppedError("The render was stopped")
     except StopIteration as stop:
@@ -115,34 +110,53 @@ class _Output:
         engine: bpy.types.RenderEngine,
         layer: str,
         kept: PixelRect,
-        picture: AdaptivePicture,
+        camera: Camera,
+        exposure: float,
         world: np.ndarray | None,
     ) -> None:
-        self._engine, self._kept, self._picture, self._world = engine, kept, picture, world
+        self._engine, self._kept, self._size = engine, kept, (camera.height_px, camera.width_px)
+        self._exposure, self._world = exposure, world
+        self._pixels: RenderedPixels | None = None
         self._result = engine.begin_result(0, 0, kept.width, kept.height, layer=layer)
         self._shown = time.monotonic()
 
     def shown_meanwhile(self, steps: Steps[None]) -> Steps[None]:
-        """Pass on the steps; a window shows the unfinished picture at intervals."""
-        for report in steps:
-            if not bpy.app.background and time.monotonic() - self._shown > _SHOWN_S:
-                self._write()
-                self._engine.update_result(self._result)
-                self._shown = time.monotonic()
-            yield report
+        """Pass on the steps of a `rendered_picture`; a window shows the unfinished picture at intervals."""
+        try:
+            for report in steps:
+                if report.partial is not None:
+                    self._take(report.partial)
+                if not bpy.app.background and time.monotonic() - self._shown > _SHOWN_S:
+                    self._write()
+                    self._engine.update_result(self._result)
+                    self._shown = time.monotonic()
+                yield report
+        finally:
+            steps.close()
 
     def end(self) -> None:
         """Write the passes into the result."""
         self._write()
         self._engine.end_result(self._result)
 
+    def _take(self, pixels: RenderedPixels) -> None:
+        self._pixels = pixels
+        if pixels.unseen is not None:
+            warn(self._engine, pixels.unseen)
+
     def _write(self) -> None:
-        pixels = pass_pixels(self._picture, self._world)
-        camera, kept = self._picture.camera, self._kept
+        """Write what is there: only Combined while pixels are being traced."""
+        if self._pixels is None:
+            return
+        values, samples, passes, _ = self._pixels
+        pixels = {"Combined": combined(values, self._exposure, self._world), **passes}
+        if passes:
+            pixels["Sample Count"] = samples.astype(np.float32)
+        kept = self._kept
         rows, columns = slice(kept.bottom, kept.bottom + kept.height), slice(kept.left, kept.left + kept.width)
         for item in self._result.layers[0].passes:  # of each view, where there are several
             if item.name in pixels:
-                picture = pixels[item.name].reshape(camera.height_px, camera.width_px, -1)
+                picture = pixels[item.name].reshape(*self._size, -1)
                 item.rect.foreach_set(np.ascontiguousarray(picture[rows, columns]).ravel())  # without its margin
 
 

@@ -9,18 +9,13 @@ never finish. So each engine hands its viewport's picture over to the next one.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import bpy
 import numpy as np
 
-from ...patchnet_addon.runtime.errors import PatchNetError
-from ...patchnet_addon.runtime.heap import trim
-from ...patchnet_addon.runtime.progress import Progress, drain
-from ...patchnet_addon.runtime.worker import attended, computed
-from ...patchnet_addon.sampling.adaptive import AdaptivePicture
+from ...patchnet_addon.runtime.errors import EngineGoneError, PatchNetError
+from ...patchnet_addon.sampling.adaptive import PictureSettings
 from ...patchnet_addon.sampling.predicted import PREVIEW
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
@@ -71,9 +66,8 @@ class Viewport:
         self._state: tuple[Any, ...] | None = None
         self._background: Any = None  # identity of the world that the preview shows
         self._preview: ViewportPreview | None = None
-        self._preparing: Iterator[Progress] = iter(())
-        self._prepared_for: tuple[Any, ...] = ()
         self._texture: Any = None
+        self._ended = False  # the engine, before it has shown a picture
         self._asked = 0.0  # time of the last request to redraw
         self._on_card: CardPicture | None = None
         self._heat: CardHeat | None = None
@@ -124,21 +118,25 @@ class Viewport:
             cards.give_up(result.octree, str(error))
             self._on_card = self._heat = None
         idle = self._preview is not None and self._preview.done
-        prepared = self._prepare(context, _picture(context, result, camera.with_size(8, 8), None))
-        if not (self.mask.ready(context, idle=idle) and prepared):
+        if not self.mask.ready(context, idle=idle):
             self._message(engine, context, _READY_SOON)
             engine.tag_redraw()
             return
         preview = self._preview_of(context, depsgraph, result, camera)
-        if not preview.done or self._texture is None:
+        try:
             preview.work(time.perf_counter() - self._asked)  # as long as a redraw takes
-            self._texture = texture(preview.pixels(), "RGBA16F")
-            if preview.done:
-                trim()  # a moving view frees many arrays
-        if self._on_card is None or preview.picture.buffers is not None:
-            draw_picture(self._texture, engine, context.scene)
-        else:  # better than a coarse picture
-            self._on_card.draw(engine, context.scene)
+        except EngineGoneError:
+            if self._ended:
+                raise  # it would end again and again
+            self._ended, self._preview = True, None  # begun anew, since a job that is stopped may end the engine
+        if preview.is_new:
+            self._texture, self._ended = texture(preview.take(), "RGBA16F"), False
+        if self._on_card is not None and not (preview.pixels and preview.pixels.traced):
+            self._on_card.draw(context.region, engine, context.scene)  # better than a coarse picture
+        elif self._texture is None:
+            draw_message(context.region, _READY_SOON)
+        else:  # of the view before, until there is one of this view
+            draw_picture(self._texture, context.region, engine, context.scene)
         self._say(engine, context, preview.status, result, rests=preview.done)
         if not (idle and preview.done) or self.mask.waiting or cards.is_coming(result.octree):
             self._asked = time.perf_counter()  # once more at the end, for strokes painted meanwhile
@@ -176,7 +174,7 @@ class Viewport:
             self._heat = None
         if not (alike or moved or shows_heat):
             return False
-        picture.draw(engine, context.scene)
+        picture.draw(context.region, engine, context.scene)
         status, done = picture.status if full else f"{picture.status}, surface in boxes", picture.done
         if shows_heat:
             status, heat_done = self._work_at_heat(context, card, result, camera)
@@ -218,31 +216,23 @@ class Viewport:
         shares = values.budget, values.refined_samples, values.spp
         wanted = values.strategy, values.unrefined, *shares, pixel_filter_of(context.scene)
         state = (id(result), *wanted, values.render_samples, self.mask.version, rect, *_view(camera))
-        if state != self._state or self._preview is None:
-            importance = None if strokes is None else partial(strokes.weights, result.octree.grid, rect=rect)
-            picture = _picture(context, result, camera, importance)
-            side = samples_side(values.render_samples)
-            preview = ViewportPreview(picture, values.budget, world, values.spp or None, values.refined_samples, side)
+        preview = self._preview
+        if preview is not None and preview.octree is result.octree and preview.pixels is None:
+            return preview  # a view that moves shows pictures, too
+        if state != self._state or preview is None:
+            if preview is None:
+                apply_preferences(context)
+            else:
+                preview.close()
+            preview = ViewportPreview(
+                result.octree, result.coded, camera, _picture_settings(context), world, strokes, rect
+            )
             self._state, self._background, self._preview = state, background, preview
             self._asked = time.perf_counter()  # a short first slice: the first picture appears soon
         elif background != self._background:
-            self._preview.show_world(world)
+            preview.show_world(world)
             self._background = background
-        return self._preview
-
-    def _prepare(self, context: bpy.types.Context, picture: AdaptivePicture) -> bool:
-        """Return whether all kernels are loaded; a thread loads or compiles them once for each kind of work.
-
-        picture: like the preview's, but tiny.
-        """
-        ranked_by = picture.strategy and picture.strategy.name
-        kind = ranked_by, picture.unrefined, picture.octree.chroma is None, picture.coded is None
-        if self._prepared_for != kind:
-            apply_preferences(context)
-            steps = ViewportPreview(picture, 1.0, None).steps
-            self._preparing, self._prepared_for = computed(lambda: drain(steps), Progress(0, 1, _READY_SOON)), kind
-        with attended():
-            return next(self._preparing, None) is None
+        return preview
 
     def _say(
         self,
@@ -264,18 +254,18 @@ class Viewport:
         draw_message(context.region, text)
 
     def _forget(self) -> None:
+        if self._preview is not None:
+            self._preview.close()
         self._state = self._preview = self._texture = None
 
 
-def _picture(context: bpy.types.Context, result: SceneResult, camera: Camera, importance: Any) -> AdaptivePicture:
-    """Picture of a result with the scene's settings."""
+def _picture_settings(context: bpy.types.Context) -> PictureSettings:
+    """Settings of the scene for a picture."""
     values, pixel_filter = context.scene.patchnet, pixel_filter_of(context.scene)
     if values.render_samples:
-        return AdaptivePicture(result.octree, camera, None, None, importance, pixel_filter=pixel_filter)
-    chosen = strategy(values.strategy)
-    return AdaptivePicture(
-        result.octree, camera, chosen, result.coded, importance, values.unrefined, pixel_filter=pixel_filter
-    )
+        return PictureSettings(None, side=samples_side(values.render_samples), pixel_filter=pixel_filter)
+    budget = values.budget, values.spp or None, values.refined_samples
+    return PictureSettings(values.strategy, values.unrefined, *budget, pixel_filter=pixel_filter)
 
 
 def _view(camera: Camera) -> tuple[Any, ...]:

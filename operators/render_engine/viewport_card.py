@@ -7,6 +7,7 @@ while the view moves, then bands of rows.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any, NamedTuple
 from weakref import ReferenceType, ref
 
@@ -15,10 +16,12 @@ import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.colormaps import colormap
-from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.process.computed import answer
+from ...patchnet_addon.runtime.errors import EngineGoneError
+from ...patchnet_addon.sampling.pixel_lines import pixel_lines
 from ...patchnet_addon.sampling.registry import STRATEGIES
 from ...patchnet_addon.sampling.strategy import Strategy
-from ...patchnet_addon.tracing.camera import Camera, CameraUnit, camera_in_unit_cube, camera_part
+from ...patchnet_addon.tracing.camera import Camera, CameraUnit, camera_in_unit_cube
 from ...patchnet_addon.tracing.pixel_filter import EVEN_FOOTPRINT, PixelFilter, rook_places
 from ..gpu_view.card_octree import CardOctree, Samples
 from ..gpu_view.packing import world_words
@@ -72,10 +75,10 @@ class CardPicture:
             self._take(card, camera, side)
         return moved
 
-    def draw(self, engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
-        """Fill the current region."""
+    def draw(self, region: bpy.types.Region, engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
+        """Fill a region, the current one."""
         assert self._images is not None
-        draw_picture(self._images[2], engine, scene)
+        draw_picture(self._images[2], region, engine, scene)
 
     @property
     def status(self) -> str:
@@ -175,27 +178,14 @@ class CardHeat:
                 self.shown, self._pass, self.done = self._pass.heat(), None, True
 
     def describe_pixel(self, column: int, row: int) -> list[str]:
-        """Lines about a pixel of the view, computed on the CPU: nothing is read back from the card."""
-        from ...patchnet_addon.sampling.trace import trace_view
-
+        """Lines about a pixel of the view, computed by the engine: nothing is read back from the card."""
         if self._seen is None or (coded := self._seen[0]()) is None:
             return []
         _, camera, ranked_by = self._seen
-        left, low = max(column - 1, 0), max(row - 1, 0)  # the estimator needs the pixels around it
-        wide, high = min(column + 2, camera.width_px) - left, min(row + 2, camera.height_px) - low
-        part = camera_part(camera, left, low, wide, high)
-        view = drain(trace_view(coded.octree, part, [ranked_by], coded=coded, reference=False))
-        pixel, found = (row - low) * wide + column - left, view.prediction
-        if found is None or not view.hit[pixel]:
-            return [f"Pixel {column}, {row}", "Level none: background"]
-        return [
-            f"Pixel {column}, {row}",
-            f"Priority {ranked_by.scores(view)[pixel]:.4g}",
-            f"Coverage {found.coverage[pixel]:.3f}" + ("" if found.look_ahead[pixel] else ": no look-ahead"),
-            f"Preview luminance {view.preview[pixel]:.4f}",
-            f"Luminance of the patch {found.luminance[pixel]:.4f}",
-            f"Level {view.hits.level[pixel]}",
-        ]
+        with suppress(EngineGoneError):
+            lines: list[str] = answer(pixel_lines, coded, camera, ranked_by.name, column, row)
+            return lines
+        return []
 
 
 class _Pass:

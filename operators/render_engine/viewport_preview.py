@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Progressive preview of one view of a 3D viewport, refined in slices of time; drawing is elsewhere."""
+"""Progressive preview of one view of a 3D viewport, which the engine works on; drawing is elsewhere."""
 
 from __future__ import annotations
 
@@ -7,110 +7,102 @@ import time
 
 import numpy as np
 
-from ...patchnet_addon.image.background import BLACK
-from ...patchnet_addon.image.cube_map import CubeMap, pixel_directions
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.image.live_picture import LivePixels, World, fill_background, live_picture, show_again
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.process.computed import computed
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from ...patchnet_addon.runtime.worker import attended, computed
-from ...patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
-from .passes import combined
+from ...patchnet_addon.sampling.adaptive import PictureSettings
+from ...patchnet_addon.sampling.importance import PixelRect
+from ...patchnet_addon.tracing.camera import Camera
+from ..importance.pixels import Strokes
 
-SLICE_S = 0.04  # least work per redraw
-LONGEST_SLICE_S = 0.2  # if a redraw takes as long
-COARSE = 4  # side of the first picture's squares, in pixels
-_QUICK_SIDE, _FINE_SIDE = 4, 32  # rays per pixel side of the first and the second pass over the budget
-_PACE = Pace(1 << 14, 1 << 17)  # a hundredth of a second each on two cores; larger steps save nothing
+_FIRST_S = 0.02  # longest wait for the first picture, so that it is that of the view
+_WAIT_S = 0.015  # longest wait for a later one
+_MORE_S = 0.003  # after a picture: all that has been sent meanwhile is read
+_SLICE_S = 0.04  # least work per redraw where no other process works
+_LONGEST_SLICE_S = 0.2  # if a redraw takes as long
 
 
 class ViewportPreview:
     """Coarse picture, then one ray per pixel, then equally many in all or refinement by priority within the budget.
 
-    status: current work. done: no work is left. steps: the work, for callers that run it without `work`.
+    pixels: None before the first picture. is_new: they may have changed since `take`. status: current work. done: no
+    work is left. steps: the work, for callers that run it without `work`.
     """
 
     def __init__(
         self,
-        picture: AdaptivePicture,
-        budget: float,
-        world: np.ndarray | CubeMap | None,
-        spp: float | None = None,
-        refined: float = _FINE_SIDE**2,
-        even_side: int = _QUICK_SIDE,
+        octree: Octree,
+        coded: CodedOctree | None,
+        camera: Camera,
+        wanted: PictureSettings,
+        world: World,
+        strokes: Strokes | None = None,
+        rect: PixelRect | None = None,
     ) -> None:
-        """Prepare for a picture. world: background, one colour (3,) or light by direction; None: transparent.
-
-        spp: mean samples per active pixel instead of the share `budget`.
-
-        refined: mean samples of the pixels in that share. even_side: rays per pixel side of a picture without a
-        strategy.
-        """
-        self.picture = picture
+        """Begin a picture. world: background. rect: area that an image of strokes is stretched over."""
+        self.octree, self.camera = octree, camera
+        self.pixels: LivePixels | None = None
+        self.is_new = self.done = False
         self.status = ""
-        self.done = False
-        self._map = world if isinstance(world, CubeMap) else None
-        self._world = BLACK if isinstance(world, CubeMap) else world
-        self._budget, self._spp, self._refined, self._even_side = budget, spp, refined, even_side
-        self.steps = self._all()
+        self._picture = octree, coded, camera, wanted
+        self._strokes, self._rect = strokes, rect
+        self.steps = self._begun(world)
 
-    def show_world(self, world: np.ndarray | CubeMap | None) -> None:
-        """Replace the background; traced and refined pixels stay. world: as for the constructor."""
-        self._map = world if isinstance(world, CubeMap) else None
-        if not isinstance(world, CubeMap):  # the former one is shown until the map is sampled
-            self._world = world
-        self.steps, self.done = self._look_first(self.steps), False
+    def show_world(self, world: World) -> None:
+        """Replace the background; traced and refined pixels stay, if there are some already."""
+        pixels = self.pixels
+        if pixels is None or pixels.values is None or (pixels.background is None) != (world is None):
+            self.close()
+            self.steps, self.pixels = self._begun(world), None
+        elif world is not None and pixels.background is not None:
+            self.steps = _over(world, pixels, self.camera, self.octree.exposure, self.steps)
+        self.done = False
 
     def work(self, seconds: float) -> None:
-        """Work for a slice of time, at least one step; raises PatchNetError."""
-        end = time.perf_counter() + min(max(seconds, SLICE_S), LONGEST_SLICE_S)
+        """Take what the engine has sent, and wait for more for a moment; where it is this process, work for a slice.
+
+        seconds: of such a slice, about. Raises PatchNetError.
+        """
+        start = time.perf_counter()
+        wait, slice_s = _WAIT_S if self.pixels else _FIRST_S, min(max(seconds, _SLICE_S), _LONGEST_SLICE_S)
         while not self.done:
-            try:
-                with attended():  # work without a pace runs beside the window
-                    report = next(self.steps)
-            except StopIteration:
-                self.done, self.status = True, "Done"
+            report = next(self.steps, None)
+            if report is None:
+                self.done, self.status, self.is_new = True, "Done", True
                 return
-            self.status = f"{report.label} {round(100 * report.fraction)} %"
-            if time.perf_counter() >= end:
+            spent = time.perf_counter() - start
+            if report.partial is not None:
+                self.pixels, self.is_new = report.partial, True
+                wait = min(wait, spent + _MORE_S)
+            note = f", {report.note}" if report.note else ""
+            self.status = f"{report.label} {round(100 * report.fraction)} %{note}"
+            if spent >= (wait if report.waiting else slice_s):
                 return
 
-    def pixels(self) -> np.ndarray:
-        """(H, W, 4) float32, scene-linear and premultiplied by alpha, row 0 at the bottom."""
-        camera = self.picture.camera
-        return combined(self.picture, self._world).reshape(camera.height_px, camera.width_px, 4)
+    def take(self) -> np.ndarray:
+        """(H, W, 4) float32 to draw over the whole view, scene-linear and premultiplied by alpha, lowest row first."""
+        assert self.pixels is not None
+        self.is_new = False
+        return self.pixels.shown
 
-    def _all(self) -> Steps[None]:
-        yield Progress(0, 1, "Tracing")
-        self._trace_coarsely()
-        yield Progress(0, 1, "Tracing the preview")
-        yield from self._look()
-        yield from self.picture.trace(_PACE)
-        if self.picture.strategy is None:
-            yield from self.picture.sample_evenly(self._even_side, _PACE)
-            return
-        for side in (_QUICK_SIDE, _FINE_SIDE):
-            yield from self.picture.refine(self._budget, side, _PACE, spp=self._spp, refined=self._refined)
+    def close(self) -> None:
+        """Let the engine stop."""
+        self.steps.close()
 
-    def _look_first(self, others: Steps[None]) -> Steps[None]:
-        yield from self._look()
-        yield from others
+    def _begun(self, world: World) -> Steps[None]:
+        strokes, picture = self._strokes, self._picture
+        importance = None if strokes is None else strokes.weights(self.octree.grid, self._rect)
+        steps = computed(live_picture, *picture, importance, world, at=Progress(0, 1, "Tracing"))
+        return steps if strokes is None else strokes.answering(steps)
 
-    def _look(self) -> Steps[None]:
-        """Sample the map of the world for each pixel, if there is one."""
-        known, looking = self._map, Progress(0, 1, "Sampling the world")
-        if known is not None:
-            self._world = yield from computed(lambda: known.look(pixel_directions(self.picture.camera)), looking)
 
-    def _trace_coarsely(self) -> None:
-        """Fill the picture with large squares of single rays; `samples` stays 0."""
-        from ...patchnet_addon.tracing.render import first_hits, seen_above_white, seen_color
-
-        picture, camera = self.picture, self.picture.camera
-        columns, rows = (-(-side // COARSE) for side in (camera.width_px, camera.height_px))
-        hits = first_hits(picture.octree, camera.with_size(columns, rows))
-        column = np.arange(camera.width_px) * columns // camera.width_px
-        row = np.arange(camera.height_px) * rows // camera.height_px
-        square = (row[:, None] * columns + column).ravel()
-        if self._map is not None:
-            self._world = self._map.look(pixel_directions(camera.with_size(columns, rows)))[square]
-        seen = seen_color(picture.octree, hits.node, hits.direction) + seen_above_white(picture.octree, hits)
-        picture.colors[:] = seen[square]
-        picture.alpha[:] = hits.hit[square]
+def _over(
+    world: np.ndarray | World, pixels: LivePixels, camera: Camera, exposure: float, others: Steps[None]
+) -> Steps[None]:
+    """Put another background behind a picture, whose other steps go on meanwhile."""
+    looking = Progress(0, 1, "Sampling the world")
+    yield from computed(fill_background, pixels.background, camera, world, at=looking)
+    yield from others
+    yield from computed(show_again, pixels, exposure, at=looking)  # as the last picture may have had the former one

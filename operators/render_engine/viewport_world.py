@@ -25,14 +25,16 @@ World = np.ndarray | CubeMap | None
 _KINDS = ("WORLD", "NODETREE", "IMAGE", "TEXTURE", "LIGHT")
 
 
-def draw_picture(texture: Any, engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
-    """Draw a scene-linear texture, premultiplied by alpha; Blender applies the scene's view transform afterwards."""
+def draw_picture(
+    texture: Any, region: bpy.types.Region, engine: bpy.types.RenderEngine, scene: bpy.types.Scene
+) -> None:
+    """Fill a region with a scene-linear texture, premultiplied by alpha; Blender applies its view transform."""
     import gpu  # it needs a window
     from gpu_extras.presets import draw_texture_2d
 
     gpu.state.blend_set("ALPHA_PREMULT")
     engine.bind_display_space_shader(scene)
-    draw_texture_2d(texture, (0, 0), texture.width, texture.height)
+    draw_texture_2d(texture, (0, 0), region.width, region.height)
     engine.unbind_display_space_shader()
     gpu.state.blend_set("NONE")
 

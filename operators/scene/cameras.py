@@ -11,12 +11,12 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ...patchnet_addon.lod.placed_cameras import cameras_inside
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.process.computed import computed
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.quantities import named_list
-from ...patchnet_addon.runtime.threads import limit_threads
-from ...patchnet_addon.runtime.worker import run_in_worker
 from ...patchnet_addon.surface.mesh import MeshSource
 from ...patchnet_addon.tracing.camera import FRAMING_DIRECTION, ORTHOGRAPHIC, PERSPECTIVE, Camera
 from ..scene_access.frames import kept_values
@@ -192,20 +192,10 @@ def looking_cameras(
 
     surface: in view, or its octree. Raises SceneError for a camera that does not exist.
     """
-
-    def inside() -> Steps[list[Camera]]:
-        from ...patchnet_addon.lod.depth import coarse_octree
-        from ...patchnet_addon.tracing.viewpoints import encloses, viewpoints
-
-        octree = surface
-        if not isinstance(octree, Octree):
-            octree = yield from coarse_octree(octree, bounds_world=bounds_world)
-        with limit_threads(1):  # threads cost more than they save for small pictures
-            if not encloses(octree):
-                return []
-            return (yield from viewpoints(octree, len(_AUTO_INSIDE), camera_size_px(depsgraph.scene, size), lit=False))
-
-    placed = (yield from run_in_worker(inside, Progress(0, 1, "Placing cameras"))) if list(names) == [AUTO] else []
+    placed: list[Camera] = []
+    if list(names) == [AUTO]:
+        wanted = surface, bounds_world, len(_AUTO_INSIDE), camera_size_px(depsgraph.scene, size)
+        placed = yield from computed(cameras_inside, *wanted, at=Progress(0, 1, "Placing cameras"))
     return placed or choose_cameras(depsgraph, names, size, bounds_world)
 
 

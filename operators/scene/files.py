@@ -18,7 +18,6 @@ from typing import IO, Any
 import bpy
 
 from ...patchnet_addon.runtime.errors import SceneError
-from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.streams import diverted
 from ..scene_access.blender_version import tree_in_use
 from .layer_names import all_nodes
@@ -161,7 +160,7 @@ def _run(path: Path, operator: Any, **arguments: object) -> None:
     """Call an operator on a file; importers raise errors of their parsers, and print a lot."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         try:
-            with interrupts_wait(), diverted(stdout=out, stderr=err):
+            with diverted(stdout=out, stderr=err):
                 result = operator(**arguments)
             failed, report = "FINISHED" not in result, None
         except Exception as cause:  # noqa: BLE001  reported below

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...patchnet_addon.runtime.errors import EmptySelectionError
 from ...patchnet_addon.runtime.omissions import Omissions
+from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.runtime.quantities import named_list, subject
 from ...patchnet_addon.surface.local_mesh import LocalMesh
 from ...patchnet_addon.surface.mesh import Material
@@ -30,6 +31,7 @@ from .materials import MaterialReading, at_least_half_opaque, is_partly_transpar
 from .render_geometry import cut_out_objects, render_geometry, shown_instances, shows_itself, shows_mesh
 from .strands import STRANDS, Strands, finished, hair_modifiers, read_hair, read_strands
 
+_READING = Progress(0, 1, "Reading the scene")
 _NO_MATERIAL = ""
 _NOTHING = {
     SELECTED: "No selected object has a surface: select a mesh, curve or text, or choose all visible objects",
@@ -40,9 +42,17 @@ LEFT_OUT = {"GREASEPENCIL": "Grease pencil is", "VOLUME": "Volumes are"}  # by t
 
 
 def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: frozenset[int] | None = None) -> SceneMesh:
+    """Read a surface at once, see `scene_surface`."""
+    return drain(scene_surface(depsgraph, scope, chosen))
+
+
+def scene_surface(
+    depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: frozenset[int] | None = None
+) -> Steps[SceneMesh]:
     """Read the surface of the objects in scope ("SELECTED" or "VISIBLE") in world units, with their materials.
 
-    chosen: session_uids of objects that count as selected. Raises EmptySelectionError if nothing in scope has
+    All meshes come in one step, since their evaluation is Blender's and the window may change it; then one material a
+    step. chosen: session_uids of objects that count as selected. Raises EmptySelectionError if nothing in scope has
     a surface, GeometryError if it has no area, or faces without vertices.
     """
     layer = depsgraph.view_layer
@@ -56,16 +66,17 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: fro
         notes.append(f"View layer '{layer.name}' shows no Surfaces: meshes have no voxels, but still shadow hair")
     if not parts:
         raise EmptySelectionError(". ".join([_NOTHING[scope], *notes, *missing_libraries()]))
-    readings = reader.materials()
+    unlike = _unlike_renders(depsgraph, {name for part in parts for name in part.objects})
     in_use = [material for material in bpy.data.materials if material.name_full in reader.material_names]
     warnings = missing_files(in_use, depsgraph.scene.world)
+    readings = yield from reader.materials()
     opacities = [with_opacities(each.material, number, parts) for number, each in enumerate(readings)]
     if partly := [each.name for each in opacities if is_partly_transparent(each)]:
         what = (
             "partly transparent: left out where less than half opaque, solid in previews; Refine with Cycles shows it"
         )
         warnings.append(f"{subject('Material', partly)} {what}")
-    warnings += notes + _unlike_renders(depsgraph, {name for part in parts for name in part.objects})
+    warnings += notes + unlike
     if unknown := named_list(sorted(reader.instance_reader.unknown)):
         warnings.append(f"Materials read attribute {unknown}, which no object or instance has: it counts as 0")
     warnings += [reading.note for reading in readings if reading.note]
@@ -74,6 +85,7 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: fro
     materials = tuple(at_least_half_opaque(reading.material) for reading in readings)
     color_warnings = tuple(reading.color_note for reading in readings if reading.color_note)
     gloss = tuple(reading.gloss for reading in readings)
+    yield _READING
     source = SceneMesh(parts, materials, tuple(reader.material_names), warnings, links, gloss, color_warnings)
     warnings += coincidence_warnings(source)
     return source
@@ -257,12 +269,13 @@ class _Reader:
             )
         return tuple(parts), notes
 
-    def materials(self) -> list[MaterialReading]:
+    def materials(self) -> Steps[list[MaterialReading]]:
         """Materials in the order of their indices."""
         images, default = ImageReader(), MaterialReading(Material("default"), gloss=DIFFUSE)
-        library = {material.name_full: material for material in bpy.data.materials}
         readings = [default] * len(self.material_names)
         for number, name in enumerate(self.material_names):
+            yield _READING
+            library = {material.name_full: material for material in bpy.data.materials}
             if name in library:
                 with self.unread_materials.leaving_out(name):
                     readings[number] = read_material(library[name], images)

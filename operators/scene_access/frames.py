@@ -13,7 +13,6 @@ from typing import Any
 
 import bpy
 
-from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from .overrides import put_back_when_saved
 from .own import quiet
 
@@ -88,8 +87,7 @@ def values_of_graph(depsgraph: bpy.types.Depsgraph) -> Iterator[None]:
 
 def go_to_frame(scene: bpy.types.Scene, frame: int, subframe: float = 0.0) -> None:
     """Set the frame of a scene; its handlers run and finish."""
-    with interrupts_wait():
-        scene.frame_set(frame, subframe=subframe)
+    scene.frame_set(frame, subframe=subframe)
 
 
 def _animated_values() -> Iterator[tuple[bpy.types.ID, bpy.types.ID, str, int, Any]]:

@@ -22,7 +22,6 @@ OF_REFERENCE = ("reference", "error")  # only of views with a reference
 PRIORITY_NAME = "priority.exr"
 _DEPTHS_WITH_ALPHA = (32, 128)  # bits of a pixel, bytes and floats
 VIEW_TRANSFORM = "Standard"  # of pictures of light; heatmaps and errors are computed from it
-ERROR_MAXIMUM = 0.5  # luminance error at the end of an error picture's legend
 
 
 def unlike_view(scene: bpy.types.Scene) -> str:

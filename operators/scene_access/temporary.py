@@ -8,6 +8,7 @@ they are removed.
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -16,7 +17,6 @@ from typing import TypeVar
 import bpy
 from bpy.app.handlers import persistent
 
-from ...patchnet_addon.runtime.replace import goes_with_process
 from .overrides import put_back_when_saved
 from .own import quiet
 
@@ -106,8 +106,8 @@ def _leftovers_go(*_: object) -> None:
 HANDLERS = tuple((name, _leftovers_go) for name in ("undo_post", "redo_post", "load_post"))
 
 
-def session_folder_goes() -> None:
-    """Remove Blender's temporary folder with a process that ends without Blender's own cleanup."""
+def remove_session_folder() -> None:
+    """Remove Blender's temporary folder in a process that ends without Blender's own cleanup."""
     folder = Path(bpy.app.tempdir)
     if _FOLDER.fullmatch(folder.name):
-        goes_with_process(folder)
+        shutil.rmtree(folder, ignore_errors=True)

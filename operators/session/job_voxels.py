@@ -11,7 +11,7 @@ from ...patchnet_addon.runtime.quantities import counted
 from ..schema.values import CODES, LIGHT, OCTREE, SELECTED
 from ..settings.job_settings import JobSettings
 from . import results
-from .octree_cache import found_on_disk
+from .octree_cache import found_on_disk, may_be_on_disk
 from .scene_result import VOXELS, SceneResult
 from .staleness import look_again
 
@@ -41,6 +41,8 @@ def voxels_before(context: bpy.types.Context, settings: JobSettings, key: str = 
         result = _checked(found_on_disk(scene, network=settings.network), scene) or result
     before = None if result is None else _reusable(context, settings, result)
     if before is not None and (before.lit or not key):
+        return before
+    if not (key or may_be_on_disk(scene)):
         return before
     return before_on_disk(context, settings, key or key_of_job(context, settings)) or before
 

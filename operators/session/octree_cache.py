@@ -8,18 +8,24 @@ background, the cache is searched when a job needs voxels; in a window, shortly 
 
 from __future__ import annotations
 
+import logging
 import os
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import bpy
 from bpy.app.handlers import persistent
 
+from ...patchnet_addon.process.computed import computed
 from ...patchnet_addon.runtime.bounds import KEPT_GIB
+from ...patchnet_addon.runtime.cache_folder import OCTREES, user_cache_folder
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ...patchnet_addon.runtime.progress import Steps, drain
+from ..computing.files import save_entry
 from ..properties.preferences import apply_preferences, preferences
+from ..scene_access.window_state import Part
 from . import results
 from .scene_result import VOXELS, SceneResult
 from .scene_session import session_of
@@ -33,11 +39,12 @@ if TYPE_CHECKING:
 VARIABLE = "PATCHNET_KEEP"  # GiB, in the place of the preference
 _NOTES = ("scope", "light", "seconds", "encoder", "made_with", "made_by", "notes")  # fields of results
 _AFTER_OPENING_S = 0.1
-_writer = ThreadPoolExecutor(1, "PatchNet cache")  # one thread: an older entry never replaces a newer one
+_LOOK_S = 0.1  # between two looks at an entry that is being written
+_writing = Part("cache_entries", list[Steps[bool]])  # one after the other: an older one never replaces a newer one
 
 
 def keep_on_disk(scene: bpy.types.Scene, result: SceneResult, *, apart: bool = False) -> None:
-    """Write a scene's result into the cache folder, in a window by a thread; none whose light is unfinished.
+    """Write a scene's result into the cache folder, in a window beside it; none whose light is unfinished.
 
     apart: beside the result of the scene's own settings, as that of a command with settings of its own.
     """
@@ -45,11 +52,13 @@ def keep_on_disk(scene: bpy.types.Scene, result: SceneResult, *, apart: bool = F
     if state is None or result.unfinished or limit_bytes() <= 0:
         return
     key = made if made and (apart or state.frame is not None) else _key(state)
-    cache, entry = _cache(), _entry(result, scene)
+    saving = computed(save_entry, _folder(), limit_bytes(), key, _entry(result, scene), lasts=True)
     if bpy.app.background:
-        cache.save(key, entry)
-    else:
-        _writer.submit(cache.save, key, entry)
+        drain(saving)
+        return
+    _writing().append(saving)
+    if not bpy.app.timers.is_registered(_write):
+        bpy.app.timers.register(_write, persistent=True)
 
 
 def restore(scene: bpy.types.Scene) -> bool:
@@ -68,24 +77,29 @@ def found_on_disk(scene: bpy.types.Scene, key: str = "", network: NetworkSetting
     key: `voxels_key` of the result that is wanted; else the one that was last made, whatever its settings. network: of
     its codes, by default the scene's.
     """
-    if limit_bytes() <= 0:
+    if not may_be_on_disk(scene):
         return None
-    apply_preferences(bpy.context)
-    cache, fingerprint = _cache(), _fingerprint(scene)
-    if all(notes.get("fingerprint") != fingerprint for notes in cache.notes().values()):
-        return None  # without hashing the scene
-    from ..pipeline.stages import load_network
+    from ..computing.grids import load_network
     from ..properties.job import scene_settings
     from ..state.scene_state import scene_state
 
     state = scene_state(scene)
-    found = cache.load(key or _key(state), load_network(network or scene_settings(scene).network))
+    found = _cache().load(key or _key(state), load_network(network or scene_settings(scene).network))
     if found is None:
         return None
     if (names := found.notes.get("chosen")) is not None:  # the selection may have changed
         chosen = frozenset(item.session_uid for item in scene.objects if item.name_full in names)
         state = scene_state(scene, chosen=chosen)
     return _result(found, state)
+
+
+def may_be_on_disk(scene: bpy.types.Scene) -> bool:
+    """Return whether the cache folder has a result of a scene with as many meshes, without hashing the scene."""
+    if limit_bytes() <= 0:
+        return False
+    apply_preferences(bpy.context)
+    fingerprint = _fingerprint(scene)
+    return any(notes.get("fingerprint") == fingerprint for notes in _cache().notes().values())
 
 
 def result_or_kept(scene: bpy.types.Scene) -> SceneResult | None:
@@ -108,9 +122,26 @@ def limit_bytes() -> int:
 
 def _cache() -> OctreeCache:
     from ...patchnet_addon.codes.octree_cache import OctreeCache
-    from ...patchnet_addon.runtime.cache_folder import OCTREES, user_cache_folder
 
-    return OctreeCache(user_cache_folder() / OCTREES, limit_bytes())
+    return OctreeCache(_folder(), limit_bytes())
+
+
+def _folder() -> Path:
+    return user_cache_folder() / OCTREES
+
+
+def _write() -> float | None:
+    """Look at the entry that is being written, and begin the next one after it."""
+    while waiting := _writing():
+        try:
+            next(waiting[0])
+            return _LOOK_S
+        except StopIteration:
+            pass
+        except PatchNetError as error:
+            logging.getLogger("patchnet").warning("The octree cannot be cached for the next session: %s", error)
+        waiting.pop(0)
+    return None
 
 
 def _key(state: SceneState) -> str:
@@ -164,7 +195,7 @@ def _restore_shown() -> None:
 
 
 HANDLERS = (("load_post", _on_load_post),)
-TIMERS = (_restore_shown,)
+TIMERS = (_restore_shown, _write)
 
 
 def register() -> None:

@@ -13,8 +13,9 @@ from ...patchnet_addon.octree.exposure import exposure_text
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.quantities import counted, error_text
 from ..scene_access.lengths import length_text
+from ..scene_access.main_thread import in_main_thread
 from .scene_result import SceneResult
-from .scene_session import in_main_thread, session_of
+from .scene_session import session_of
 
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.coded_octree import CodedOctree

@@ -7,14 +7,15 @@ A session ends when another file is opened, its scene is deleted, or the extensi
 from __future__ import annotations
 
 import gc
-import threading
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import bpy
 from bpy.app.handlers import persistent
 
-from ...patchnet_addon.runtime.heap import resident_bytes, trim
+from ...patchnet_addon.process.computed import release
+from ...patchnet_addon.runtime.memory import resident_bytes
+from ..scene_access.main_thread import in_main_thread
 from ..scene_access.own import is_own
 from ..scene_access.window_state import Part
 
@@ -75,11 +76,6 @@ def open_sessions() -> list[SceneSession]:
     return list(_sessions().values())
 
 
-def in_main_thread() -> bool:
-    """Return whether this is the main thread, not that of a render in a window."""
-    return threading.current_thread() is threading.main_thread()
-
-
 def _close_deleted() -> None:
     """Close sessions of deleted scenes; only the main thread reads the file."""
     if in_main_thread():
@@ -110,9 +106,9 @@ class Held(NamedTuple):
 
 
 def give_back() -> None:
-    """Collect garbage, and return free memory to the system, which allocators otherwise keep."""
+    """Free what refers to itself, such as a preview and its unfinished steps, here and in the engine."""
     gc.collect()
-    trim()
+    release()
 
 
 def held() -> Held:

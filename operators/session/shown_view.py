@@ -15,12 +15,12 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
 from ...patchnet_addon.sampling.report import shown_figures
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene_access.images import ERROR_MAXIMUM
+from ..computing.views import ERROR_MAXIMUM
 from ..settings.groups import ViewSettings
 from .scene_result import Comparison, Row, SceneResult
 
 if TYPE_CHECKING:
-    from ..pipeline.views import View
+    from ..computing.views import View
 
 PREVIEW, PREDICTED, HEATMAP, REFINED, REFERENCE = "PREVIEW", "PREDICTED", "HEATMAP", "REFINED", "REFERENCE"
 CYCLES_PICTURE = "CYCLES"  # Refine with Cycles adds it

@@ -13,13 +13,14 @@ from dataclasses import replace
 import bpy
 from bpy.app.handlers import persistent
 
+from ..scene_access.main_thread import in_main_thread
 from ..scene_access.own import is_own, is_quiet
 from ..state.block_hashes import GLOSS_MOVED, place_of_gloss
 from ..state.scene_state import LIGHT, SURFACE, SceneState, scene_state
 from ..state.watch import change_monitor
 from . import results
 from .scene_result import VIEW, SceneResult
-from .scene_session import in_main_thread, session_of
+from .scene_session import session_of
 from .views import camera_change
 
 _QUICK_S = 0.5  # longest comparison while the user works

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import PatchNetError
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.cameras import scene_cameras, tracing_camera
 from ..scene_access.images import PICTURES, drop_image, show_image
@@ -19,7 +20,7 @@ from .scene_session import session_of
 from .shown_view import COVERAGE, LEVEL, LUMINANCES, PRIORITY, ShownView
 
 if TYPE_CHECKING:
-    from ..pipeline.views import View
+    from ..computing.views import View
 
 
 RAW = (PRIORITY, COVERAGE, LEVEL, *LUMINANCES)
@@ -47,11 +48,12 @@ def shown_pictures() -> dict[str, dict[str, str]]:
     return found
 
 
-def show_images(view: View, shown: ShownView) -> dict[str, bpy.types.Image]:
+def show_images(view: View, shown: ShownView) -> Steps[dict[str, bpy.types.Image]]:
     """Create or update all images of a view; raw ones are float, Non-Color. Unknown quantities have none, such as a
     missing reference and errors against it."""
-    images = {}
-    for name in (*PICTURES, *RAW):
+    images, names = {}, (*PICTURES, *RAW)
+    for number, name in enumerate(names):
+        yield Progress(number, len(names), f"{view.camera.name}: Showing pictures")
         of, raw = image_name(view.camera.name, name), name in RAW
         picture = (shown.values if raw else view.pictures).get(name)
         if picture is None:

@@ -7,12 +7,12 @@ longer fits the scene, and light that is baked later belongs to another scene.
 
 from __future__ import annotations
 
-import threading
 from dataclasses import dataclass, replace
 
 import bpy
 
 from ...patchnet_addon.runtime.errors import SceneError
+from ..scene_access.main_thread import in_main_thread
 from ..scene_access.window_state import Part
 from .block_hashes import place_of_gloss
 from .scene_state import Change, SceneState, scene_state
@@ -51,23 +51,27 @@ def read_state(
     *,
     selected: bool = False,
     chosen: frozenset[int] | None = None,
-    gloss_from_camera: bool = False,
 ) -> SceneState:
     """Read the scene's state, as the current job reads it now.
 
     selected: selected objects alone have voxels, or those `chosen` by session_uid.
     """
-    is_main = threading.current_thread() is threading.main_thread()
-    if is_main:
+    if in_main_thread():
         for item in scene.objects:
             if item.mode == "EDIT":  # evaluated objects show edits that the mesh data lack until Edit Mode ends
                 item.update_from_editmode()
     state = scene_state(scene, layer, chosen if selected else None, selected=selected and chosen is None)
-    if gloss_from_camera:
-        state = replace(state, gloss_from=place_of_gloss(scene))
     monitor = change_monitor()
-    if monitor.scene is not None and is_main:
+    if monitor.scene is not None and in_main_thread():
         monitor.state, monitor.edited = state, False
+    return state
+
+
+def with_gloss_from_camera(state: SceneState, scene: bpy.types.Scene) -> SceneState:
+    """State that the current job has just read, with the place of the camera that gloss is baked for."""
+    state, monitor = replace(state, gloss_from=place_of_gloss(scene)), change_monitor()
+    if monitor.scene is not None and in_main_thread():
+        monitor.state = state
     return state
 
 

@@ -12,14 +12,18 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.image.comparison import Guides, compare, difference_picture, picture_psnr, side_by_side
+from ...patchnet_addon.image.cycles_passes import Reference
 from ...patchnet_addon.image.heatmap import magnify
 from ...patchnet_addon.image.tone import gray
+from ...patchnet_addon.lod.placed_cameras import cameras_around
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.process.computed import computed
 from ...patchnet_addon.runtime.file_kinds import PNG, REPORT, FileKind
-from ...patchnet_addon.runtime.progress import Steps, labelled
+from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
-from ..cycles.camera_render import Reference, render_halves
+from ..computing.views import mean_and_coverage, reason_unseen
+from ..cycles.camera_render import render_halves
 from ..pipeline.lit_octree import OctreeOverrides, ReadSurface, choose_leaves, light_octree, read_surface
 from ..pipeline.reports import REPORT_NAME, machine, versions, write_report
 from ..scene.cameras import camera_size_px, looking_cameras
@@ -27,7 +31,6 @@ from ..scene_access.images import save_png
 from ..schema.values import GLOSS_OFF
 from ..settings.job_settings import JobSettings
 
-_COVERAGE_RAYS = 8
 _COARSE_DEPTH = 8  # of the voxels among which cameras are placed
 _PICTURES = ("cycles.png", "octree.png", "difference.png", "side_by_side.png")
 
@@ -74,9 +77,6 @@ def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[L
 
     The light is baked for the compared cameras; a restarted check reuses what a stopped one has baked.
     """
-    from ...patchnet_addon.tracing.empty_view import why_unseen
-    from ...patchnet_addon.tracing.render import first_hits
-
     clock, checks, warnings = StageClock(), [], []
     surface = yield from read_surface(context, settings.job, clock, OctreeOverrides())
     cameras = yield from _cameras(context, surface, settings)
@@ -88,7 +88,7 @@ def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[L
             steps = check_camera(context, octree, camera, settings)
             checks.append((yield from labelled(steps, f"{camera.name}: {{}}")))
         brightest = float(checks[-1].octree.max())
-        if unseen := why_unseen(octree, camera, first_hits(octree, camera), brightest):
+        if unseen := (yield from computed(reason_unseen, octree, camera, brightest)):
             warnings.append(unseen)
     report = _report(octree, checks, settings, clock.seconds, [*made.warnings, *warnings])
     return LightCheck(octree, tuple(checks), report)
@@ -99,12 +99,9 @@ def _cameras(context: bpy.types.Context, surface: ReadSurface, settings: CheckSe
     wanted, source = settings.job.view, surface.source
     bounds_world = settings.job.surface.bounds_world(source)
     if settings.viewpoints:
-        from ...patchnet_addon.lod.depth import coarse_octree
-        from ...patchnet_addon.tracing.viewpoints import viewpoints
-
-        coarse = yield from coarse_octree(source, _COARSE_DEPTH, bounds_world)
         size_px = camera_size_px(context.scene, wanted.size)
-        return (yield from viewpoints(coarse, settings.viewpoints, size_px, lit=False))
+        among = source, bounds_world, _COARSE_DEPTH, settings.viewpoints, size_px
+        return (yield from computed(cameras_around, *among, at=Progress(0, 1, "Placing cameras")))
     depsgraph = context.evaluated_depsgraph_get()
     return (yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, source))
 
@@ -113,7 +110,8 @@ def check_camera(
     context: bpy.types.Context, octree: Octree, camera: Camera, settings: CheckSettings
 ) -> Steps[CameraCheck]:
     """Render octree and Cycles through one camera, and compare."""
-    mine = yield from _look(octree, camera, settings.rays)
+    looking = Progress(0, 1, "Super-sampling")
+    mine = yield from computed(mean_and_coverage, octree, camera, settings.rays, at=looking)
     halves = yield from render_halves(context, camera, settings.render_samples)
     if settings.job.light.is_baked and settings.job.light.gloss != GLOSS_OFF:  # else diffuse light and emission
         halves = [replace(half, luminance=half.combined) for half in halves]
@@ -122,15 +120,6 @@ def check_camera(
     mean = np.mean([half.luminance for half in halves], axis=0)
     cycles = np.clip(exposure * mean, 0.0, 1.0).astype(np.float32)
     return CameraCheck(camera, cycles, mine[0], report)
-
-
-def _look(octree: Octree, camera: Camera, rays: int) -> Steps[tuple[np.ndarray, np.ndarray]]:
-    """Picture of an octree (H, W), and its coverage of each pixel (H, W)."""
-    from ...patchnet_addon.tracing.supersample import supersample
-
-    shape = camera.height_px, camera.width_px
-    luminance = (yield from supersample(octree, camera, rays)).luminance.reshape(shape)
-    return luminance, (yield from supersample(octree, camera, min(_COVERAGE_RAYS, rays))).coverage.reshape(shape)
 
 
 def _figures(look: tuple[np.ndarray, np.ndarray], halves: Sequence[Reference], exposure: float) -> dict[str, Any]:

@@ -4,15 +4,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..network.weights import Weights
 from ..octree.octree import Octree
-
-if TYPE_CHECKING:  # imports numba
-    from .corner_rows import CodedNodes
+from .corner_rows import CodedNodes
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from ..octree.octree import Octree
 from ..runtime.errors import CodesFileError
 from ..runtime.files import read_arrays, write_arrays
 from .coded_octree import CodedOctree
+from .corner_rows import COLUMNS, coded_nodes, last_row
 
 KIND = "codes"
 _VERSION = 3  # of order, index and inputs of codes; files of version 1 do not state it
@@ -36,9 +37,6 @@ def save_codes(coded: CodedOctree, path: str | Path) -> None:
 
 def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctree:
     """Read codes of `octree` and `weights`; raises CodesFileError for codes of others, and for a damaged file."""
-    # Imports numba, which listing the cache folder must not load.
-    from .corner_rows import COLUMNS, coded_nodes, last_row
-
     arrays, metadata = read_arrays(path, KIND, CodesFileError)
     version = metadata.get("codes_version", 1)
     if version != _VERSION:

@@ -95,9 +95,9 @@ class OctreeCache:
             return False
         try:
             self._root.mkdir(parents=True, exist_ok=True)
-            remove_left_over(self._root, key)
+            remove_left_over(self._root, KEY.pattern)
             self._make_room(entry.nbytes, key)
-            with owned_folder(self._root / f".{key}.{os.urandom(4).hex()}.tmp") as files:
+            with owned_folder(self._root / key) as files:
                 _write(files, entry)
                 self.remove(key)
                 os.replace(files, self._root / key)

@@ -25,7 +25,6 @@ from ..runtime.kernels import array_device, device, kernel
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
 from ..runtime.vectors import count_ones
-from ..tracing.render import ray_up
 from .brick import check_nodes, empty_brick, fill_brick
 from .prediction import Prediction
 
@@ -281,6 +280,6 @@ def _patch_rays(hits: Hits, pixels: np.ndarray) -> PatchRays:
         group_start=np.append(first, len(pixels)),
         entry_voxel=hits.entry_voxel[pixels],
         direction=hits.direction[pixels],
-        up=ray_up(hits.direction[pixels], hits.camera_up),
+        up=hits.up[pixels],
         ratio=hits.ratio[pixels],
     )

@@ -23,7 +23,6 @@ from ..network.kinds import CODE_SIZE, CORNERS, COVERED, COVERING, RAY_INPUTS, S
 from ..runtime.kernels import array_device, device, kernel
 from ..runtime.threads import run_parts
 from ..runtime.vectors import HALF_SCALE, add_product, load_halves, splat, store
-from ..tracing.render import ray_up
 from .coded_octree import CodedOctree
 from .corner_row_kernels import corner_row
 from .corner_rows import CodedNodes
@@ -68,7 +67,7 @@ class PixelRays(NamedTuple):
     @classmethod
     def of(cls, hits: Hits) -> PixelRays:
         """Rays of all pixels of a view, for kernels."""
-        floats = (hits.entry_voxel, hits.direction, ray_up(hits.direction, hits.camera_up), hits.ratio)
+        floats = (hits.entry_voxel, hits.direction, hits.up, hits.ratio)
         return cls(
             np.ascontiguousarray(hits.node, np.int64), *(np.ascontiguousarray(array, np.float32) for array in floats)
         )

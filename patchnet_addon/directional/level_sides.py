@@ -8,7 +8,6 @@ visible parts of both.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from itertools import repeat
 from typing import NamedTuple
 
@@ -17,7 +16,7 @@ import numpy as np
 from ..cells.morton import POPCOUNT
 from ..cells.scales import LUMINANCE_SCALE, NORMAL_SCALE
 from ..runtime.kernels import device, kernel
-from ..runtime.threads import thread_count
+from ..runtime.threads import executor, thread_count
 from ..surface.chroma_kernels import decode_color, encode_shares
 from ..surface.sides import FACES
 from .leaf_sides import DIFFERS, SHARE_UNITS, LeafSides
@@ -98,7 +97,7 @@ def sides_of_levels(levels: Sequence[Level], exposure: float) -> SidesOfNodes:
         faces = _faces(levels[level], place[level], here, below, exposure)
         return faces, [_differing(levels[level], here, faces, lowest[level], int(first[level])), *mine]
 
-    with ThreadPoolExecutor(thread_count()) as pool:
+    with executor(thread_count()) as pool:
         for level in range(depth - 1, -1, -1):
             mask = levels[level].nodes.mask
             starts = np.arange(0, len(mask), _PIECE)

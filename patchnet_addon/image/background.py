@@ -7,9 +7,12 @@ use only that light (methods 8).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..surface.textures import luminance
+from ..tracing.camera import Camera
 from .tone import gray, srgb_encode
 
 BLACK = np.zeros(3, np.float32)
@@ -37,3 +40,17 @@ def encoded(light: np.ndarray, alpha: np.ndarray, background: np.ndarray | None,
 def opaque(picture: np.ndarray) -> np.ndarray:
     """Picture (h, w, 3) of encoded colours; one with alpha (h, w, 4) is put over black."""
     return picture if picture.shape[-1] == 3 else picture[..., :3] * picture[..., 3:]
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Background and exposure of a camera's picture."""
+
+    camera: Camera
+    background: np.ndarray | None
+    exposure: float
+
+    def picture(self, light: np.ndarray, alpha: np.ndarray) -> np.ndarray:
+        """(H, W, 3) encoded colours of light (P,) or (P, 3) weighed by alpha (P,), or (H, W, 4) without background."""
+        pixels = encoded(light, alpha, self.background, self.exposure)
+        return pixels.reshape(self.camera.height_px, self.camera.width_px, -1)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells.morton import morton_encode
+from ..lod.ray_rows import rows_apart
 from ..lod.stops import FINE_OFFSETS, bands_of, ray_stops
 from ..octree.grid import Grid
 from ..octree.octree import Nodes
@@ -67,7 +68,7 @@ def seen_cells(
     found, more = _none(), []
     recent: deque[np.ndarray] = deque(maxlen=_RECENT)
     is_track = len(cameras) > MOST_STILLS
-    together = bands_of(0, len(cameras), 0).step
+    together = rows_apart(len(cameras))
     for first in range(0, len(cameras), together):
         group = range(first, min(first + together, len(cameras)))
         if not is_track:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light of a surface, as the octree's builder takes it, and the look-up of baked light by fragments (methods 7.2h)."""
+"""Look-up of baked light by the fragments of a surface (methods 7.2h)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,22 +25,6 @@ from .surfels import COARSE, side_of_sheet
 
 _DARK = 0.02  # of the other side's light: enclosed
 NOWHERE, COARSELY, FINELY = 0, 1, 2  # where the light of a side was found
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceLight:
-    """Light of a surface.
-
-    shade: of fragments. reflects: (M,) bool, materials whose light is in proportion to their base colour. warnings:
-    sentences about what was left out. notes: entries of the octree's file, as plain JSON values. reused: share of its
-    paths that an earlier bake had traced.
-    """
-
-    shade: ShadingFn
-    reflects: np.ndarray
-    warnings: tuple[str, ...] = ()
-    notes: dict[str, Any] = field(default_factory=dict)
-    reused: float = 0.0
 
 
 class MaterialSides(NamedTuple):

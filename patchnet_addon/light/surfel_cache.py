@@ -28,12 +28,17 @@ _IN_USE_S = 3600.0  # a bake that wrote within this time may still run elsewhere
 _LOG = logging.getLogger("patchnet")
 
 
+def bakes_folder() -> Path:
+    """Folder of bakes in the user's cache folder."""
+    return user_cache_folder() / BAKES
+
+
 class SurfelCache:
     """Baked surfels of one key. On a full or read-only disk the bake works, but its light is not kept."""
 
     def __init__(self, key: str, root: Path | None = None) -> None:
         """Open the surfels of `key` below `root`, by default the folder of bakes in the user's cache folder."""
-        root = root or user_cache_folder() / BAKES
+        root = root or bakes_folder()
         self._folder, self._writes = root / key, True
         try:
             self._folder.mkdir(parents=True, exist_ok=True)

@@ -28,6 +28,7 @@ from ..runtime.progress import Progress, Steps, labelled
 from ..surface.mesh import MeshSource, ShadingFn
 from ..tracing.camera import Camera, camera_in_unit_cube
 from .fitted_levels import BLOCK_LEVEL, FittedLevels
+from .ray_rows import rows_apart
 from .stops import FINE_OFFSETS, RayStops, bands_of, ray_stops
 
 LEVELS_PER_ROUND = 2
@@ -164,7 +165,7 @@ def fit_leaf_levels(
         return fitted
     leaves = yield from _changed(leaves, layout, finer, source, grid, shade)
     nodes = without_boxes(*hierarchy(leaves, max(leaves)))
-    some = cameras[:: bands_of(0, len(cameras), 0).step]  # as many rays as in a round
+    some = cameras[:: rows_apart(len(cameras))]  # as many rays as in a round
     share = min((lookahead_share(nodes, grid, camera, lookahead=lookahead) for camera in some), default=1.0)
     return replace(fitted, leaves=sum(len(keys) for keys in leaves.values()), lookahead_share=share)
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..octree.leaf_levels import BLOCK_FRAGMENTS
 from ..octree.octree import Octree
 from ..runtime.errors import MemoryEstimateError
-from ..runtime.heap import system_bytes
+from ..runtime.memory import system_bytes
 from ..runtime.quantities import bytes_text, count_text
 
 BYTES_PER_NODE = 14

@@ -27,12 +27,11 @@ from ..tracing.tile import (
     ray_of,
 )
 from ..tracing.tile_walk import trace_block
+from .ray_rows import rows_apart
 
 # Besides the centre ray, four rays with the footprint of a patch's voxels pass through gaps of each pixel; on a track
 # one of them, each frame another.
 FINE_OFFSETS = ((-0.25, -0.25), (0.25, 0.25), (0.25, -0.25), (-0.25, 0.25))
-_WHOLE_PICTURES = 25  # least number of pictures of rays that the cameras of a track have together
-_FARTHEST = 10  # rows of tiles from one with rays to the next, at most
 _GOLDEN = 0.6180339887498949
 
 
@@ -55,7 +54,7 @@ def bands_of(number: int, cameras: int, height_px: int) -> range:
     number: of the camera among `cameras`. A long track has rays in a tenth of them, in each frame in others, so that no
     shot and no turn is missed, and that rays stay close together: neighbours visit the same nodes.
     """
-    apart = min(max(cameras // _WHOLE_PICTURES, 1), _FARTHEST)
+    apart = rows_apart(cameras)
     return range(int(number * _GOLDEN % 1.0 * apart), -(-height_px // TILE), apart)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Protocol, TypeVar
@@ -14,7 +13,7 @@ import numpy as np
 
 from ..runtime.bounds import INT32_COUNT, check_count
 from ..runtime.progress import Progress, Steps
-from ..runtime.threads import usable_cores
+from ..runtime.threads import executor, usable_cores
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from ..surface.texture_lookup import BaseColors, base_of_fragments, surface_of_fragments
 from ..surface.textures import TextureTable
@@ -152,7 +151,7 @@ def voxelize(
         done, total = number * source.triangle_count, len(passes) * source.triangle_count
         for report in on_all_cores(shares, source):
             yield Progress(done + report, total, "Voxelizing")
-        with ThreadPoolExecutor(len(shares)) as pool:
+        with executor(len(shares)) as pool:
             kept += pool.map(lambda share: keep(share.take(), share.block_level), shares)
     return kept
 
@@ -198,14 +197,17 @@ def on_all_cores(shares: Sequence[CoreShare], source: MeshSource) -> Iterator[in
 
     Kernels run without the interpreter lock. A queue of batches keeps a slow share from blocking the others.
     """
-    pools = [ThreadPoolExecutor(1) for _ in shares]
-    waiting: deque[list[Future[None]]] = deque()
+    pools = [executor(1) for _ in shares]
+    waiting: deque[list[Callable[[], None]]] = deque()
     done = 0
     try:
         for batch in source.batches():
             areas, normals = triangle_areas_and_normals(batch.corners_world)
             waiting.append(
-                [pool.submit(share.add, batch, areas, normals) for pool, share in zip(pools, shares, strict=True)]
+                [
+                    pool.submit(share.add, batch, areas, normals).result
+                    for pool, share in zip(pools, shares, strict=True)
+                ]
             )
             while len(waiting) > _BATCHES_AHEAD:
                 _finish(waiting.popleft())
@@ -218,9 +220,9 @@ def on_all_cores(shares: Sequence[CoreShare], source: MeshSource) -> Iterator[in
             pool.shutdown(cancel_futures=True)
 
 
-def _finish(tasks: Sequence[Future[None]]) -> None:
-    for task in tasks:
-        task.result()
+def _finish(results: Sequence[Callable[[], None]]) -> None:
+    for result in results:
+        result()
 
 
 def clip_batch(

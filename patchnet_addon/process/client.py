@@ -8,8 +8,10 @@ a pipe that the system closes then.
 from __future__ import annotations
 
 import json
+import logging
 import os
 import secrets
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -17,6 +19,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import cache
 from multiprocessing.connection import Client, Connection
 from pathlib import Path
 from typing import Any
@@ -24,13 +27,15 @@ from typing import Any
 from ..runtime.cache_folder import user_cache_folder
 from ..runtime.errors import EngineGoneError
 from ..runtime.progress import Progress, Steps
+from .own_wheels import other_versions_text
 from .transfer import ERROR, REPORT, BlenderExchange
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = __package__.removesuffix(".patchnet_addon.process")
+_SOCKET = "engine"
 _POLL_S = 0.004  # a window is drawn between two polls
-_START_S = 60.0  # until the first call is accepted
-_STOP_S = 0.1  # for a step that is running
+_START_S, _UNPACKING_S = 60.0, 600.0  # until the first call is accepted; if it may unpack wheels
+_STOP_S = 0.15  # for a step that is running
 
 
 class EngineRefusedError(Exception):
@@ -46,20 +51,20 @@ class EngineProcess:
         self._stopping: list[Connection] = []
         self._key, self._address = secrets.token_bytes(32), _address()
         self._is_ready, self._begun_at = False, time.monotonic()
+        self._others = other_versions_text(computes_with_own=True)
         flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal opens on Windows
         command = [_python(), "-I", str(Path(__file__).with_name("start_engine.py"))]
         environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder())}
         try:
-            self._process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, env=environment, creationflags=flags, start_new_session=True
-            )
+            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment, creationflags=flags)
         except OSError as cause:
             raise EngineRefusedError(cause.strerror or str(cause)) from cause
         settings = {"package": PACKAGE, "folder": str(ROOT), "path": sys.path, "address": self._address}
+        assert self._process.stdin is not None
+        self._input = self._process.stdin
         with suppress(OSError):
-            assert self._process.stdin is not None
-            self._process.stdin.write(json.dumps(settings | {"key": self._key.hex()}).encode() + b"\n")
-            self._process.stdin.flush()
+            self._input.write(json.dumps(settings | {"key": self._key.hex()}).encode() + b"\n")
+            self._input.flush()
 
     @property
     def is_alive(self) -> bool:
@@ -121,6 +126,13 @@ class EngineProcess:
         """End the process at once."""
         self._process.kill()
         self._process.wait()
+        if self._address.endswith(_SOCKET):
+            shutil.rmtree(Path(self._address).parent, ignore_errors=True)
+
+    def leave(self) -> None:
+        """Let the process end by itself, once it has finished what must be."""
+        with suppress(OSError):
+            self._input.close()
 
     def _connected(self, at: Progress) -> Steps[Connection]:
         """New connection; waits while the process starts. Raises EngineGoneError, and EngineRefusedError at a start."""
@@ -128,10 +140,12 @@ class EngineProcess:
             try:
                 connection = Client(self._address, authkey=self._key)
             except (OSError, EOFError) as cause:
-                if not self.is_alive or time.monotonic() - self._begun_at > _START_S:
+                limit_s = _UNPACKING_S if self._others else _START_S
+                if not self.is_alive or time.monotonic() - self._begun_at > limit_s:
                     raise (self._gone() if self._is_ready else EngineRefusedError(self._why())) from cause
             else:
                 self._is_ready = True
+                _warn_once(self._others)
                 return connection
             yield replace(at, waiting=True)
             time.sleep(_POLL_S)
@@ -156,6 +170,12 @@ class EngineProcess:
         return "no answer" if code is None else f"exit code {code}" if code >= 0 else f"signal {-code}"
 
 
+@cache
+def _warn_once(text: str) -> None:
+    if text:
+        logging.getLogger("patchnet").warning(text)
+
+
 def _has_ended(connection: Connection, seconds: float) -> bool:
     """Wait up to some seconds for the end of a stopped call, and close its connection."""
     end = time.monotonic() + seconds
@@ -171,7 +191,7 @@ def _address() -> str:
     """Address that only this user can open."""
     if os.name == "nt":
         return rf"\\.\pipe\patchnet-{os.getpid()}-{secrets.token_hex(8)}"
-    return str(Path(tempfile.mkdtemp(prefix="patchnet-")) / "engine")
+    return str(Path(tempfile.mkdtemp(prefix="patchnet-")) / _SOCKET)
 
 
 def _python() -> str:

@@ -7,15 +7,19 @@ computes by itself. So does Blender where the system does not let it start the p
 
 from __future__ import annotations
 
+import gc
 import logging
 from collections.abc import Callable
+from contextlib import suppress
 from types import GeneratorType
 from typing import Any
 
+from ..runtime.errors import EngineGoneError
 from ..runtime.progress import Progress, Steps, drain
 from .transfer import Remote
 
 _WORKING = Progress(0, 1, "Working")
+_SENT = 2  # reports, the first one before a call is sent
 
 
 class _Engine:
@@ -32,14 +36,14 @@ def use_engine_process() -> None:
 
 
 def end_engine_process() -> None:
-    """End the process; the next call starts a new one."""
+    """Let the process end, which frees its memory; the next call starts a new one."""
     process, _Engine.process = _Engine.process, None
     if process is not None:
-        process.end()
+        process.leave()
 
 
 def leave_engine_process() -> None:
-    """End the process, and compute in this one from now on."""
+    """Let the process end, and compute in this one from now on."""
     end_engine_process()
     _Engine.is_used, _Engine.refused = False, ""
 
@@ -48,6 +52,17 @@ def settle() -> None:
     """Return when no stopped call computes any longer, after a tenth of a second at most."""
     if _Engine.process is not None:
         _Engine.process.settle()
+
+
+def release() -> None:
+    """Let the engine drop what is gone here, which it otherwise does at its next call."""
+    process = _Engine.process
+    if process is not None and process.is_alive and process.exchange.gone:
+        steps = computed(gc.collect)
+        with suppress(EngineGoneError):
+            for _ in range(_SENT):
+                next(steps)
+        steps.close()
 
 
 def engine_pid() -> int | None:
@@ -91,24 +106,32 @@ def _started() -> Any:
     """Running process, or None to compute here."""
     if not _Engine.is_used or _Engine.refused:
         return None
-    if _Engine.process is None or not _Engine.process.is_alive:
+    before = _Engine.process
+    if before is None or not before.is_alive:
         from .client import EngineProcess, EngineRefusedError
 
         try:
-            _Engine.process = EngineProcess()
+            process = EngineProcess()
         except EngineRefusedError as cause:
             _refuse(cause)
             return None
+        if _Engine.process is before:
+            _Engine.process = process
+        else:  # a render in a thread of Blender has started one meanwhile
+            process.leave()
     return _Engine.process
 
 
 def _refuse(cause: Exception) -> None:
     from ..runtime.threads import use_no_threads
+    from .own_wheels import other_versions_text
 
     _Engine.process = None
     _Engine.refused = (
         f"PatchNet cannot start its engine process ({cause}): allow Blender to start its own Python in the security "
         "software; until then PatchNet computes within Blender, which is slower and halts the window"
     )
+    if others := other_versions_text(computes_with_own=False):
+        _Engine.refused += f". {others}"
     use_no_threads()
     logging.getLogger("patchnet").warning(_Engine.refused)

@@ -8,12 +8,16 @@ import faulthandler
 import importlib
 import json
 import os
+import shutil
+import signal
 import sys
 import threading
 from multiprocessing.connection import Listener
 from pathlib import Path
 from types import ModuleType
 
+_NICE = 10  # Blender's window and Cycles come first where cores are few
+_SWITCH_S = 0.001  # between two threads: Blender's window waits for answers while others compute
 _STACK_BYTES = 64 << 20  # compilers recurse
 
 
@@ -22,7 +26,15 @@ def main() -> None:
     settings = json.loads(sys.stdin.buffer.readline())
     sys.path[:] = settings["path"]
     _import_package(settings["package"], settings["folder"])
+    wheels = importlib.import_module(f"{settings['package']}.patchnet_addon.process.own_wheels")
+    sys.path[:0] = wheels.own_path()
+    # Ctrl-C in a terminal ends this process at once. Blender in background only ends what it renders or bakes, as if
+    # that were complete: the next call fails then, before such light is kept.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if hasattr(os, "nice"):
+        os.nice(_NICE)
     faulthandler.enable()
+    sys.setswitchinterval(_SWITCH_S)
     threading.stack_size(_STACK_BYTES)
     served = importlib.import_module(f"{settings['package']}.patchnet_addon.process.server")
     engine = served.Engine()
@@ -30,6 +42,8 @@ def main() -> None:
     threading.Thread(target=engine.accept, args=(listener,), daemon=True).start()
     sys.stdin.buffer.read()
     engine.finish()
+    if os.name != "nt":
+        shutil.rmtree(Path(settings["address"]).parent, ignore_errors=True)
     os._exit(0)  # at once: kernels may be running
 
 

@@ -189,11 +189,14 @@ class _Packing:
             np.copyto(whole[offset : offset + array.nbytes].view(array.dtype).reshape(array.shape), array)
         return segment
 
-    def array_reference(self, array: np.ndarray) -> tuple[Any, ...]:
+    def array_reference(self, array: np.ndarray) -> tuple[Any, ...] | None:
+        """What the receiver finds an array by; None for a small one, which is in the message itself."""
         place = segment_of(array)
         if place is not None:
             self.segments.append(place[0])
             return "segment", place[0].place, place[1], array.dtype, array.shape, array.strides
+        if array.nbytes < _LEAST_BYTES or array.dtype.hasobject:
+            return None
         offset = self._offsets.get(id(array))
         if offset is None:
             offset = self._offsets[id(array)] = -(-self._size // _ALIGNMENT) * _ALIGNMENT
@@ -227,8 +230,7 @@ class _Pickler(pickle.Pickler):
 
     def persistent_id(self, thing: Any) -> Any:
         if isinstance(thing, np.ndarray):
-            fits = thing.nbytes >= _LEAST_BYTES and not thing.dtype.hasobject
-            return self._packing.array_reference(thing) if fits else None
+            return self._packing.array_reference(thing)
         if isinstance(thing, Remote) or _has_identity(thing):
             number = self._packing.number(thing)
             return None if number is None else ("object", number)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cache folder of kernels, baked light and octrees: the user's cache folder or a fallback.
+"""Cache folder of kernels, baked light, octrees and unpacked wheels: the user's cache folder or a fallback.
 
 A cache folder may be read-only, as in a container, or belong to an administrator. Compiled kernels are code that is
 executed, so the fallback is the user's own, and lasts as long as the process.
@@ -11,7 +11,6 @@ import atexit
 import logging
 import os
 import re
-import secrets
 import shutil
 import sys
 import tempfile
@@ -22,9 +21,9 @@ from pathlib import Path
 
 from .errors import OutputError
 from .outputs import check_writable
-from .replace import goes_with_process
+from .owned_folder import owned_folder
 
-KERNELS, BAKES, OCTREES = "kernels", "bakes", "octrees"
+KERNELS, BAKES, OCTREES, WHEELS = "kernels", "bakes", "octrees", "wheels"
 _LOG = logging.getLogger("patchnet")
 _VERSION = re.compile(r"[0-9a-f]{16}")
 _UNUSED_S = 90 * 24 * 3600.0
@@ -49,26 +48,27 @@ def kernel_folder(root: Path, version: str) -> Path:
         source = other / KERNELS / version
         if not source.is_dir() or folder.exists():
             continue
-        copy = folder.with_name(f".{version}.{secrets.token_hex(4)}.tmp")
-        try:
-            for path in source.rglob("*.nb[ic]"):
-                target = copy / path.relative_to(source)
-                target.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(path, target)  # without its mode, which may be read-only
-            os.replace(copy, folder)
-        except OSError:  # another process was faster, or the disk is full: kernels are compiled again
-            shutil.rmtree(copy, ignore_errors=True)
+        # Another process may be faster, or the disk full: kernels are compiled again.
+        with suppress(OSError):
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            with owned_folder(folder) as copy:
+                for path in source.rglob("*.nb[ic]"):
+                    target = copy / path.relative_to(source)
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(path, target)  # without its mode, which may be read-only
+                os.replace(copy, folder)
     if folder.is_dir():
         with suppress(OSError):
             os.utime(folder)  # marks its last use
     else:
-        _remove_old_versions(root / KERNELS)
+        remove_unused(root / KERNELS)
     return folder
 
 
-def _remove_old_versions(kernels: Path) -> None:
+def remove_unused(folder: Path) -> None:
+    """Delete folders of versions, named by 16 hexadecimal digits, that were not used for 90 days."""
     with suppress(OSError):
-        for path in kernels.iterdir():
+        for path in folder.iterdir():
             if _VERSION.fullmatch(path.name) and time.time() - path.lstat().st_mtime > _UNUSED_S and path.is_dir():
                 shutil.rmtree(path, ignore_errors=True)
 
@@ -107,7 +107,6 @@ def _usable(wanted: Path) -> Path:
         check_writable(wanted)
     except (OSError, OutputError) as cause:
         fallback = Path(tempfile.mkdtemp(prefix="patchnet-"))
-        goes_with_process(fallback)
         atexit.register(shutil.rmtree, fallback, ignore_errors=True)
         system = cause if isinstance(cause, OSError) else cause.__cause__
         reason = system.strerror if isinstance(system, OSError) else cause

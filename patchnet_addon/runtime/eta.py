@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from statistics import median_low
 
-from .compiling import compiling_seconds, is_compiling
+from .compiling import compiling_seconds
 from .progress import Progress
 
 _MOST = 0.995  # largest share of an unfinished job
@@ -90,6 +90,7 @@ class JobEta:
         self._sure = self._measured = False
         self._own = self._most = math.inf  # seconds left of the stage: by the last report, and when its step began
         self.compiled: set[str] = set()  # stages that compiled kernels: their seconds do not predict others
+        self._compiling_s = compiling_seconds()
 
     def expect(self, seconds: Mapping[str, float], *, measured: bool = False) -> None:
         """Set the expected seconds of all stages, by name in their order; nothing is known before.
@@ -107,7 +108,8 @@ class JobEta:
         if pace is not self._pace:
             self._most = self._own if stage == self._stage and stage not in self._again else math.inf
             self._stage, self._pace = stage, pace
-        if progress.note or is_compiling():
+        before, self._compiling_s = self._compiling_s, compiling_seconds()
+        if progress.note or self._compiling_s > before:
             self.compiled.add(stage)
         if not self._expected:
             return progress
@@ -162,7 +164,8 @@ class FramesEta:
 
     def begin(self) -> None:
         """Start a frame."""
-        self._begun, self._compiled = self._clock(), compiling_seconds()
+        self._begun = self._seen = self._clock()
+        self._compiled, self._noted_s = compiling_seconds(), 0.0
 
     def one_more(self) -> None:
         """Expect one frame more: an existing frame is outdated."""
@@ -175,14 +178,17 @@ class FramesEta:
 
     def end(self) -> None:
         """Finish a rendered frame."""
-        compiled = compiling_seconds() - self._compiled
+        compiled = compiling_seconds() - self._compiled + self._noted_s
         self._seconds.append(max(self._clock() - self._begun - compiled, 0.0))
         self._done += 1
         self._left = max(self._left - 1, 0)
 
     def see(self, progress: Progress) -> Progress:
         """Add the finished share of all frames to a report of a frame's steps."""
-        spent = self._clock() - self._begun
+        before, self._seen = self._seen, self._clock()
+        if progress.note:  # the engine process compiles
+            self._noted_s += self._seen - before
+        spent = self._seen - self._begun
         usual = median_low(self._seconds[-_LAST_FRAMES:]) if self._seconds else None
         left = progress.left_s
         if usual is not None:

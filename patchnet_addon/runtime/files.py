@@ -13,7 +13,6 @@ import math
 import os
 import zlib
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -90,18 +89,11 @@ def read_arrays(
     for name, (dtype, shape) in header.arrays.items():
         start = header.data_start + header._offsets[name]
         raw[name] = mapped[start : start + math.prod(shape) * dtype.itemsize]
-    for name, checksum in _checksums(raw).items():
-        if checksum != header._checksums[name]:
+    for name, values in raw.items():
+        if zlib.crc32(values.data) != header._checksums[name]:
             raise error(f"{path} is damaged: the data of '{name}' differs from its checksum; create the file anew")
     arrays = {name: raw[name].view(dtype).reshape(shape) for name, (dtype, shape) in header.arrays.items()}
     return arrays, header.metadata
-
-
-def _checksums(raw: Mapping[str, np.ndarray]) -> dict[str, int]:
-    """Checksums of arrays of bytes in parallel, largest first; zlib releases the interpreter's lock."""
-    names = sorted(raw, key=lambda name: -raw[name].size)
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        return dict(zip(names, pool.map(lambda name: zlib.crc32(raw[name].data), names), strict=True))
 
 
 def read_header(path: str | Path, error: type[FileFormatError] = FileFormatError) -> FileHeader:
@@ -160,7 +152,7 @@ def _header_bytes(arrays: dict[str, np.ndarray], metadata: dict[str, Any], kind:
         "kind": kind,
         "schema_version": str(SCHEMA_VERSION),
         "metadata": _canonical(metadata),
-        "checksums": _canonical(_checksums({name: _bytes_of(array) for name, array in arrays.items()})),
+        "checksums": _canonical({name: zlib.crc32(_bytes_of(array).data) for name, array in arrays.items()}),
     }
     header["__metadata__"]["header_checksum"] = str(zlib.crc32(_canonical(header).encode()))
     text = json.dumps(header).encode()

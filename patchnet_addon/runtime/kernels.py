@@ -14,7 +14,6 @@ import hashlib
 import inspect
 import logging
 import pickle
-import sys
 import uuid
 from collections.abc import Callable
 from pathlib import Path
@@ -23,7 +22,7 @@ from typing import Any, TypeVar
 import numba
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
-from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.registry import CPUDispatcher
 from numba.core.types.misc import unliteral
 
 from .cache_folder import kernel_folder, user_cache_folder
@@ -43,17 +42,6 @@ def _with_kernels() -> list[str]:
 
 _VERSION = hashlib.sha256(f"{__package__} {source_hash(*_with_kernels())}".encode()).hexdigest()[:16]
 numba.config.CACHE_DIR = str(kernel_folder(user_cache_folder(), _VERSION))
-
-
-def compiled_mark(*of: object) -> Path:
-    """Path of a marker file: all kernels of these sources are compiled, for this processor by this numba.
-
-    of: further dependencies. The caller creates the file after compiling, if its folder exists.
-    """
-    versions = (sys.version, numba.__version__, cpu_target.target_context.codegen().magic_tuple(), *of)
-    folder = Path(numba.config.CACHE_DIR)
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder / f"all-{hashlib.sha256(repr(versions).encode()).hexdigest()[:16]}"
 
 
 class CacheFile(IndexDataCacheFile):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Temporary folders locked by their process, so that those of killed processes can be removed.
+"""Temporary folders of unfinished files, locked by their process, so that those of killed processes can be removed.
 
 Such a folder holds a file `owner`, which its process keeps locked: the system frees the lock when the process ends.
 Machines that share a disk do not always see each other's locks, so the file also names the machine. A folder is left
@@ -13,6 +13,7 @@ import errno
 import os
 import platform
 import re
+import secrets
 import shutil
 import time
 import uuid
@@ -20,8 +21,6 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import BinaryIO
-
-from .replace import unfinished
 
 if os.name == "nt":
     import msvcrt
@@ -34,11 +33,16 @@ _BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 
 @contextlib.contextmanager
-def owned_folder(folder: Path) -> Iterator[Path]:
-    """Make `folder` for the block, and remove it afterwards; yields the folder for files in it."""
+def owned_folder(path: Path) -> Iterator[Path]:
+    """Make a folder .NAME.0123abcd.tmp beside `path` for the block; yields the folder for files in it.
+
+    Leftovers of killed processes for the same path are removed first.
+    """
+    remove_left_over(path.parent, re.escape(path.name))
+    folder = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     folder.mkdir()
     try:
-        with unfinished(folder), (folder / _OWNER).open("xb") as owner:
+        with (folder / _OWNER).open("xb") as owner:
             _lock(owner, wait=True)
             owner.write(machine().encode())
             owner.flush()
@@ -49,9 +53,9 @@ def owned_folder(folder: Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def remove_left_over(folder: Path, name: str) -> None:
-    """Remove temporary folders of killed processes for `name` in `folder`: .NAME.0123abcd.tmp."""
-    pattern = re.compile(rf"\.{re.escape(name)}\.[0-9a-f]{{8}}\.tmp")
+def remove_left_over(folder: Path, names: str) -> None:
+    """Remove temporary folders of killed processes in `folder`, for all names that match the pattern `names`."""
+    pattern = re.compile(rf"\.{names}\.[0-9a-f]{{8}}\.tmp")
     with contextlib.suppress(OSError):
         for path in list(folder.iterdir()):
             if pattern.fullmatch(path.name) and path.is_dir() and not path.is_symlink() and _is_left_over(path):

@@ -1,17 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Atomic replacement of files of the same kind.
 
-A file is written beside its destination and renamed once it is complete and on disk, so that a partial file never
-replaces a complete one. Unfinished and temporary files and folders are removed when the process ends, or at a later
-start.
+A file is written in a temporary folder beside its destination and renamed once it is complete and on disk, so that a
+partial file never replaces a complete one. The next writer of the same file removes leftovers of killed processes.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
-import secrets
-import shutil
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,33 +16,9 @@ from typing import BinaryIO
 
 from .errors import OutputError
 from .file_kinds import FileKind
+from .owned_folder import owned_folder
 
 _WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
-
-_paths: set[Path] = set()
-
-
-@contextlib.contextmanager
-def unfinished(path: Path) -> Iterator[None]:
-    """Mark `path` as unfinished within the block; its maker removes it if the block ends with an error."""
-    _paths.add(path)
-    try:
-        yield
-    finally:
-        _paths.discard(path)
-
-
-def goes_with_process(path: Path) -> None:
-    """Mark `path` as temporary for this process."""
-    _paths.add(path)
-
-
-def remove_unfinished() -> None:
-    """Delete all marked files and folders, before the process ends."""
-    for path in list(_paths):
-        shutil.rmtree(path, ignore_errors=True)
-        with contextlib.suppress(OSError):
-            path.unlink(missing_ok=True)
 
 
 def check_replaceable(path: Path, kind: FileKind) -> None:
@@ -71,14 +44,9 @@ def check_replaceable(path: Path, kind: FileKind) -> None:
         raise OutputError(f"{path} is write-protected: choose another output, or lift the protection")
 
 
-def temporary_path(path: Path) -> Path:
-    """New name beside `path` for an unfinished file, .NAME.0123abcd.tmp, which clean-up recognizes."""
-    return path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
-
-
 @contextlib.contextmanager
 def replaced_file(path: Path, kind: FileKind) -> Iterator[BinaryIO]:
-    """Open a new file beside `path` that replaces it when the block ends without an error.
+    """Open a new file that replaces `path` when the block ends without an error.
 
     Raises OutputError if it cannot be written or a file of another kind exists there, which then stays unchanged.
     """
@@ -90,20 +58,18 @@ def replaced_file(path: Path, kind: FileKind) -> Iterator[BinaryIO]:
 def replaced_path(path: Path, kind: FileKind) -> Iterator[Path]:
     """Replace as `replaced_file`, for writers that open files themselves: yields the path to write to."""
     check_replaceable(path, kind)
-    temporary = temporary_path(path)
     try:
-        with unfinished(temporary):
+        with owned_folder(path) as folder:
+            temporary = folder / path.name
             yield temporary
             with temporary.open("rb+") as file:
                 os.fsync(file.fileno())
             check_replaceable(path, kind)  # the path may have changed during a long job
             os.replace(temporary, path)
     except OSError as cause:
-        if cause.filename is not None and cause.filename not in (str(path), str(temporary)):
+        name, beside = str(cause.filename), str(path.with_name(f".{path.name}."))
+        if cause.filename is not None and name != str(path) and not name.startswith(beside):
             raise  # error of another file
         raise OutputError(
             f"{path} cannot be written: {cause.strerror or cause}; choose another folder or make room"
         ) from cause
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -27,6 +28,12 @@ def source_hash(*modules: str, root: Path = ROOT) -> str:
     for content in sorted(hashlib.sha256(path.read_bytes()).digest() for path in dependencies(modules, root)):
         digest.update(content)
     return digest.hexdigest()[:16]
+
+
+@cache
+def code_hash(module: str) -> str:
+    """`source_hash` of a module of this package when it is first asked for."""
+    return source_hash(module)
 
 
 def dependencies(modules: Iterable[str], root: Path = ROOT) -> set[Path]:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import sys
 from collections.abc import Iterator
@@ -11,32 +10,22 @@ from contextlib import contextmanager, suppress
 from typing import IO
 
 _NUMBERS = {"stdout": 1, "stderr": 2}  # file descriptors
-_diverted: dict[int, int] = {}  # copies of file descriptors that are redirected for a while
 
 
 @contextmanager
 def diverted(**targets: IO[bytes]) -> Iterator[None]:
     """Write to files what Python or compiled code prints to the process's `stdout` and `stderr` within the block."""
     _flush()
-    before = dict(_diverted)
+    copies = {_NUMBERS[name]: os.dup(_NUMBERS[name]) for name in targets}
     for name, target in targets.items():
-        number = _NUMBERS[name]
-        _diverted[number] = os.dup(number)
-        os.dup2(target.fileno(), number)
+        os.dup2(target.fileno(), _NUMBERS[name])
     try:
         yield
     finally:
         _flush()
-        for number in [number for number, copy in _diverted.items() if before.get(number) != copy]:
-            os.dup2(_diverted[number], number)
-            os.close(_diverted.pop(number))
-        _diverted.update(before)
-
-
-def undivert() -> None:
-    """Undo `diverted`, for a process that ends within its block."""
-    for number, copy in _diverted.items():
-        os.dup2(copy, number)
+        for number, copy in copies.items():
+            os.dup2(copy, number)
+            os.close(copy)
 
 
 def drop_output(error: OSError) -> None:
@@ -50,9 +39,10 @@ def drop_output(error: OSError) -> None:
 
 
 def _flush() -> None:
-    """Flush the buffers of Python and of the C library, so that no line goes to the wrong file."""
+    """Flush Python's buffers, so that no line of Python goes to the wrong file.
+
+    Compiled code has a buffer of its own where stdout is no terminal; Blender flushes it after most of its lines.
+    """
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:
             stream.flush()
-    if os.name == "posix":
-        ctypes.CDLL(None).fflush(None)

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from functools import cache
-from typing import Concatenate, ParamSpec
+from typing import Any, Concatenate, ParamSpec
 
 Arguments = ParamSpec("Arguments")
 
@@ -35,6 +35,24 @@ def thread_count() -> int:
 @cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max((os.cpu_count() or 1) - 1, 1), "PatchNet loop")  # threads start when they are needed
+
+
+class _InPlace(Executor):
+    """Executor that computes each task at once, in the thread that submits it."""
+
+    def submit(self, task: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
+        """Compute a task; its error is raised by the result."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(task(*arguments, **named))
+        except Exception as error:  # noqa: BLE001 - whoever asks for the result raises it
+            future.set_exception(error)
+        return future
+
+
+def executor(threads: int) -> Executor:
+    """Executor of some threads, or of none where loops are limited to one."""
+    return _InPlace() if _limit == 1 else ThreadPoolExecutor(threads)
 
 
 def use_no_threads() -> None:

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..octree.octree import Octree
+from ..process.segments import shared_zeros
 from ..runtime.progress import Progress, Steps
-from ..runtime.worker import run_in_worker
 from ..tracing.camera import Camera, camera_part
 from ..tracing.pixel_filter import BOX_FILTER, EVEN, GRID, PixelFilter, RayPattern
 from .pixel_buffers import PixelBuffers
 from .predicted import PREVIEW
 from .ranking import Ranking, rank
-from .registry import STRATEGIES
+from .registry import STRATEGIES, strategy
 from .sample_counts import pixels_by_side
 from .strategy import Strategy
 from .trace import trace_view
@@ -47,11 +47,44 @@ class Pace:
     batch_rays: int = BATCH_RAYS
 
 
+@dataclass(frozen=True)
+class PictureSettings:
+    """Work on a picture by name and number, so that it can be sent to another process.
+
+    strategy: name; None: `side` x `side` rays in all pixels. unrefined: see `PixelBuffers`. budget, spp, refined: see
+    `AdaptivePicture.refine`.
+    """
+
+    strategy: str | None
+    unrefined: str = PREVIEW
+    budget: float = 0.0
+    spp: float | None = None
+    refined: float = REFINED_SIDE**2
+    side: int = 1
+    pixel_filter: PixelFilter = BOX_FILTER
+
+    def picture(
+        self, octree: Octree, camera: Camera, coded: CodedOctree | None, importance: Importance | None
+    ) -> AdaptivePicture:
+        """Picture to work on, `shared`."""
+        chosen = None if self.strategy is None else strategy(self.strategy)
+        return AdaptivePicture(
+            octree, camera, chosen, coded, importance, self.unrefined, self.pixel_filter, shared=True
+        )
+
+    def more_rays(self, picture: AdaptivePicture, pace: Pace | None = None, side: int = REFINED_SIDE) -> Steps[None]:
+        """Trace all rays after the first of each pixel. side: most per pixel side of those that a strategy refines."""
+        if picture.strategy is None:
+            yield from picture.sample_evenly(self.side, pace)
+        else:
+            yield from picture.refine(self.budget, side, pace, spp=self.spp, refined=self.refined)
+
+
 class AdaptivePicture:
     """Picture of P pixels, row 0 at the bottom, with their current values through a pixel filter.
 
-    colors: (P, 3) float32, linear as in the octree, not clamped, premultiplied by alpha.
-    alpha: (P,) float32, share of the rays that hit.
+    values: (P, 4) float32, colours and alpha. colors: linear as in the octree, not clamped, premultiplied by alpha.
+    alpha: share of the rays that hit.
     samples: (P,) int32, rays per pixel; 0 before the first.
     buffers: set once all pixels are traced; `ranking` too, if there is a strategy.
     """
@@ -65,23 +98,36 @@ class AdaptivePicture:
         importance: Importance | None = None,
         unrefined: str = PREVIEW,
         pixel_filter: PixelFilter = BOX_FILTER,
+        *,
+        shared: bool = False,
     ) -> None:
         """Prepare a picture; importance returns the weights that multiply the scores of a traced view; None: all 1.
 
         strategy: ranks pixels for `refine`; None for evenly sampled pictures.
         unrefined: value of pixels with one ray, see `PixelBuffers`.
+        shared: other processes can see values and samples while they change.
         """
         self.octree, self.camera, self.strategy, self.coded = octree, camera, strategy, coded
         self._importance = importance
         self.unrefined = unrefined
         from .film import Film
 
-        self._film = Film((camera.width_px, camera.height_px), pixel_filter)
-        self.colors: np.ndarray = self._film.values[:, :3]
-        self.alpha: np.ndarray = self._film.values[:, 3]
-        self.samples = np.zeros(camera.pixel_count, np.int32)
+        zeros = shared_zeros if shared else np.zeros
+        self._film = Film((camera.width_px, camera.height_px), pixel_filter, zeros)
+        self.values: np.ndarray = self._film.values
+        self.samples: np.ndarray = zeros((camera.pixel_count,), np.int32)
         self.buffers: PixelBuffers | None = None
         self.ranking: Ranking | None = None
+
+    @property
+    def colors(self) -> np.ndarray:
+        """(P, 3) of `values`."""
+        return self.values[:, :3]
+
+    @property
+    def alpha(self) -> np.ndarray:
+        """(P,) of `values`."""
+        return self.values[:, 3]
 
     def trace(self, pace: Pace | None = None) -> Steps[None]:
         """Trace one ray per pixel in bands of rows, then compute importance and score of all pixels.
@@ -101,9 +147,7 @@ class AdaptivePicture:
             bands.append(band)
             self._show(row * camera.width_px, band)
             row += rows
-        # Scores all pixels in one long step, so it runs in a thread beside the waiting caller.
-        known = yield from run_in_worker(lambda: self._ranked(bands), Progress(0, 1, "Ranking pixels"))
-        self.buffers, self.ranking = known
+        self.buffers, self.ranking = yield from self._ranked(bands)
 
     def refine(
         self,

@@ -9,6 +9,7 @@ what is inside.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -43,11 +44,14 @@ class Film:
     values: (P, 4) float32, linear colours premultiplied by coverage, and coverage, filtered.
     """
 
-    def __init__(self, size_px: tuple[int, int], pixel_filter: PixelFilter) -> None:
-        """Begin with a black picture of (width, height)."""
+    def __init__(
+        self, size_px: tuple[int, int], pixel_filter: PixelFilter, zeros: Callable[..., np.ndarray] = np.zeros
+    ) -> None:
+        """Begin with a black picture of (width, height); zeros: makes its values."""
         self.pixel_filter, self._width = pixel_filter, size_px[0]
         shape = size_px[0] * size_px[1], CHANNELS
-        self.values, self._single, self._sums = (np.zeros(shape, kind) for kind in (np.float32, np.float32, np.int64))
+        self.values: np.ndarray = zeros(shape, np.float32)
+        self._single, self._sums = np.zeros(shape, np.float32), np.zeros(shape, np.int64)
         radius, shares = pixel_filter.radius, pixel_filter.shares()
         self._shares = np.outer(shares, shares).ravel().astype(np.float32)
         x, y = (1.0 / np.convolve(np.ones(side), shares)[radius : radius + side] for side in size_px)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,25 +45,32 @@ def estimators_warning(name: str, weights: Weights) -> str | None:
     )
 
 
+@dataclass(frozen=True)
+class _ExpectedError:
+    """Score of a strategy, which pickle takes: expected errors by forms for the preview and the predicted picture."""
+
+    form: str
+    predicted: str
+
+    def __call__(self, buffers: PixelBuffers) -> np.ndarray:
+        from .plus.weights import shipped_estimators
+        from .plus_planes import estimated_error  # compiled code, which registration must not load
+
+        form = FORMS[self.predicted if buffers.shows_predicted else self.form]
+        return estimated_error(buffers, buffers.estimators or shipped_estimators(), form)
+
+
 def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str, description: str) -> Strategy:
     """Strategy that ranks by the expected error of the picture that is shown.
 
     form: estimates errors of the preview. predicted: form for the predicted picture; None: always the preview.
     """
-
-    def score(buffers: PixelBuffers) -> np.ndarray:
-        from .plus.weights import shipped_estimators
-        from .plus_planes import estimated_error  # compiled code, which registration must not load
-
-        chosen = predicted if predicted is not None and buffers.shows_predicted else form
-        return estimated_error(buffers, buffers.estimators or shipped_estimators(), chosen)
-
     return Strategy(
         name=name,
         title=title,
         description=description,
         needs=_GEOMETRY | _TRACED[form.rays] | ({PREDICTION} if form.network else set()),
-        score=score,
+        score=_ExpectedError(form.name, (predicted or form).name),
         quantity="expected luminance error",
         maximum=0.5,
         group="network" if form.network else "rays" if form.rays else "screen-space",

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..runtime.errors import GeometryError
 
+AXES = ("x", "y", "z")
 MIN_OPACITY = 1.0 / 255.0  # of a fragment: below it, it leaves no trace
 _NO_KEYS = np.empty(0, np.uint64)
 _NO_CORNERS = np.empty((0, 3, 3), np.float64)

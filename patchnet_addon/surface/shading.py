@@ -13,7 +13,6 @@ from .textures import TextureTable
 
 # A unit vector not parallel to an axis, so that the faces of a box differ.
 DIRECTION = (0.36, -0.48, 0.8)
-AXES = ("x", "y", "z")
 
 
 def albedo_shade(source: MeshSource, *, color: bool = False) -> ShadingFn:

@@ -39,3 +39,10 @@ class Hits:
     def hit(self) -> np.ndarray:
         """(P,) bool."""
         return self.node >= 0
+
+    @property
+    def up(self) -> np.ndarray:
+        """(P, 3) float32, the picture's up orthogonal to each ray (methods 7.14); computed at each call."""
+        from .ray_up import ray_up  # a kernel
+
+        return ray_up(self.direction, self.camera_up)

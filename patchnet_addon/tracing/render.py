@@ -6,7 +6,6 @@ All pictures are (H * W,) with row 0 at the bottom, as Blender stores them.
 
 from __future__ import annotations
 
-import math
 from dataclasses import fields
 from typing import NamedTuple
 
@@ -162,24 +161,6 @@ def seen_above_white(octree: Octree, hits: Hits) -> np.ndarray:
         mean = np.maximum(octree.luminance_float(hits.node[bright]), np.float32(1.0 / LUMINANCE_SCALE))
         above[bright] *= (hits.luminance[bright] / mean)[:, None]
     return above
-
-
-def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Camera's up (3,) made orthogonal to each ray (P, 3): normalise(u - (u.w) w), (P, 3) float32 (methods 7.14)."""
-    result = np.empty((len(direction), 3), np.float32)
-    x, y, z = (float(axis) for axis in up)
-    run_parts(_write_up, len(direction), np.ascontiguousarray(direction, np.float32), (x, y, z), result)
-    return result
-
-
-@kernel
-def _write_up(first: int, last: int, direction: np.ndarray, up: tuple[float, float, float], result: np.ndarray) -> None:
-    for ray in range(first, last):
-        x, y, z = float(direction[ray, 0]), float(direction[ray, 1]), float(direction[ray, 2])
-        along = x * up[0] + y * up[1] + z * up[2]
-        x, y, z = up[0] - along * x, up[1] - along * y, up[2] - along * z
-        scale = 1.0 / math.sqrt(x * x + y * y + z * z)
-        result[ray, 0], result[ray, 1], result[ray, 2] = x * scale, y * scale, z * scale
 
 
 @kernel

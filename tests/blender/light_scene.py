@@ -13,8 +13,9 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
+from patchnet.operators.computing.octrees import LitSurface
 from patchnet.operators.cycles.bake import BakeJob, EachRound, bake_light
-from patchnet.operators.cycles.bake.bake_job import choose
+from patchnet.operators.cycles.bake.bake_job import begin
 from patchnet.operators.cycles.bake.baker import SurfelBaker
 from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.operators.scene.cameras import choose_cameras
@@ -22,13 +23,13 @@ from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
-from patchnet.patchnet_addon.light.surface_light import SurfaceLight
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
+from patchnet.patchnet_addon.process.computed import answer
+from patchnet.patchnet_addon.process.transfer import Remote
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.tests.references.clip import parts_of
+from patchnet.tests.references.baked import clip_evenly, read_fragments, read_surfels
 
 PIXELS = 16  # of the picture's side
 REGIONS = 8  # of the side that are compared
@@ -75,22 +76,14 @@ class Baked:
     """Surface in its voxels, and its baked light."""
 
     source: SceneMesh
-    clipped: ClippedSurface
-    light: SurfaceLight
+    clipped: Remote
+    light: LitSurface
 
     @cached_property
     def fragments(self) -> LitFragments:
         """Light of all fragments, as the octree takes it."""
-        parts = []
-        for batch, fragments in parts_of(self.clipped):
-            corners = batch.corners_world[fragments.triangle]
-            weights = fragments.barycentric[..., None].astype(np.float64)
-            place = corners[:, 0] + (weights * (corners[:, 1:] - corners[:, :1])).sum(axis=1)
-            luminance, opacity, _, lights, _ = self.light.shade(batch, fragments)
-            triangle = fragments.triangle + batch.first_triangle
-            parts.append((triangle, place, fragments.area_world, luminance, opacity, lights[..., 0]))
-        triangle, *rest = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return LitFragments(self.source.objects_of(triangle), triangle, *rest)
+        found = answer(read_fragments, self.clipped, self.light.light)
+        return LitFragments(self.source.objects_of(found.triangle), *found)
 
 
 def bake_job(
@@ -112,8 +105,9 @@ def job_on(
     """Job on a surface of the open scene."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
     looking = tuple(choose_cameras(depsgraph, cameras, (32, 24), source.bounds_world)) if cameras else ()
-    clipped = ClippedSurface(source, Grid.around(source.bounds_world, depth), color=light.color)
-    return BakeJob(bpy.context, source, clipped, looking, light, LOOKAHEAD, state=state)
+    grid = Grid.around(source.bounds_world, depth)
+    clipped = answer(clip_evenly, source, grid, light.color)
+    return BakeJob(bpy.context, source, clipped, grid, looking, light, LOOKAHEAD, state=state)
 
 
 def bake_on(source: SceneMesh, light: LightSettings, depth: int = 5) -> Baked:
@@ -153,11 +147,11 @@ class BakedSurfels(NamedTuple):
 def bake_surfels(samples: int, depth: int = 5, seed: int = 0, **light: object) -> BakedSurfels:
     """Bake the surfels of the open scene by so many paths each."""
     job = bake_job(depth=depth, **light)
-    chosen = drain(choose(job))
-    baker = SurfelBaker(bpy.context, job.source, job.light, job.clipped.grid.side_world)
-    light_of = drain(baker.bake(chosen.surfels, samples, seed, Progress(0, 1, "Baking light")))
-    names = job.source.objects_of(chosen.surfels["triangle"])
-    return BakedSurfels(chosen.surfels, names, chosen.surface.place, light_of[:, 0], light_of[:, -1], baker.warnings)
+    surfels, place = answer(read_surfels, drain(begin(job)).bake)
+    baker = SurfelBaker(bpy.context, job.source, job.light, job.grid.side_world)
+    light_of = drain(baker.bake(surfels, samples, seed, Progress(0, 1, "Baking light")))
+    names = job.source.objects_of(surfels["triangle"])
+    return BakedSurfels(surfels, names, place, light_of[:, 0], light_of[:, -1], baker.warnings)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,10 @@ import bpy
 import numpy as np
 import pytest
 
+from patchnet.operators.computing.cycles_pixels import OWN_SIDE, CyclesView, wanted_pixels
 from patchnet.operators.cycles import pixel_renders as renders
 from patchnet.operators.cycles import scene_copy
-from patchnet.operators.pipeline.cycles_refine import OWN_SIDE, CyclesView, refine_view, wanted_pixels, wanted_surface
+from patchnet.operators.pipeline.cycles_refine import refine_view, wanted_surface
 from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.schema.values import COMBINED

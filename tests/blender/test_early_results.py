@@ -114,7 +114,7 @@ def test_a_stopped_job_leaves_its_last_round_and_goes_on(
     assert results.voxels_of(scene) is left and left.unfinished and left.lookahead_share is not None and images()
     assert view.octree() is left.octree and view.has(HEATMAP) and view.has(REFINED)
     noise = f"Light of noise {job._noise}"
-    assert job._stopped(alive=True) == f"Stopped. The pictures have l{noise[1:]}: press again to refine it."
+    assert job._stopped() == f"Stopped. The pictures have l{noise[1:]}: press again to refine it."
     assert f"{noise}: press Preview Selection again to refine it" in drawn(PATCHNET_PT_main)
     assert bpy.ops.patchnet.render_preview(size=(24, 16)) == {"FINISHED"}
     assert bpy.ops.patchnet.precompute_codes() == {"FINISHED"}

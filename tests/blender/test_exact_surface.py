@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from patchnet.operators.pipeline.run import run_job
-from patchnet.operators.pipeline.unfinished import STAND_IN, Unfinished
+from patchnet.operators.pipeline.unfinished import STAND_IN
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
+from patchnet.patchnet_addon.image.unfinished import Unfinished
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender import shaders
 from patchnet.tests.blender.light_scene import mean_ratios

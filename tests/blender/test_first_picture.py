@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from patchnet.operators import overlay
+from patchnet.operators.computing import views
 from patchnet.operators.overlay import open_pictures
-from patchnet.operators.pipeline import unfinished
 from patchnet.operators.pipeline.run import run_job
-from patchnet.operators.pipeline.unfinished import STAND_IN, Unfinished
+from patchnet.operators.pipeline.unfinished import STAND_IN
 from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.patchnet_addon.image.unfinished import Unfinished
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.job_scene import SMALL, build
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
@@ -22,7 +23,7 @@ from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapsh
 @pytest.mark.parametrize("color", [False, True])
 def test_pictures_come_before_the_result(weights: Path, monkeypatch: pytest.MonkeyPatch, color: bool) -> None:
     """In their order, those of each step before what takes long: the preview before codes, refinement as it goes."""
-    monkeypatch.setattr(unfinished, "_SHOWN_S", -1.0)
+    monkeypatch.setattr(views, "_SHOWN_S", -1.0)
     build()
     before = scene_snapshot()
     seen: list[Unfinished | str] = []

@@ -9,11 +9,11 @@ import pytest
 
 from patchnet.operators.pipeline.lit_octree import LitOctree
 from patchnet.operators.render_engine import frame_octree
-from patchnet.operators.render_engine.passes import NO_DEPTH
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_session import session_of
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import Steps
+from patchnet.patchnet_addon.sampling.passes import NO_DEPTH
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.blender.engine_scene import build_for_engine, camera, kept, passes_in, rendered
 from patchnet.tests.blender.job_scene import frames_of_calls

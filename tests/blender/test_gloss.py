@@ -12,7 +12,6 @@ import pytest
 
 from patchnet import commands
 from patchnet.operators.cycles.bake.gloss_passes import gloss_warnings, seen_through, with_view
-from patchnet.operators.cycles.camera_render import baked_light, baked_light_with_gloss
 from patchnet.operators.demo_scene import build_glossy_room
 from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene.images import ImageReader
@@ -22,6 +21,7 @@ from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.image.comparison import picture_psnr
+from patchnet.patchnet_addon.image.cycles_passes import baked_light, baked_light_with_gloss
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The modal part of job operators, with a stand-in for the window that background mode lacks."""
 
-import threading
+import time
 from types import SimpleNamespace
 
 import bpy
@@ -9,8 +9,15 @@ import pytest
 
 from patchnet.operators.jobs import job_operator
 from patchnet.operators.jobs.job_operator import JobOperator, job_in_window
+from patchnet.patchnet_addon.process.computed import (
+    answer,
+    computed,
+    engine_pid,
+    leave_engine_process,
+    use_engine_process,
+)
 from patchnet.patchnet_addon.runtime.progress import Progress
-from patchnet.patchnet_addon.runtime.worker import computed
+from patchnet.tests.engine.process_work import asleep
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -36,7 +43,6 @@ class Counting(JobOperator):
     """Counts to a number, or fails on the way; `closed` is set by its cleaning up."""
 
     bl_label = "Count"
-    uses_kernels = False
 
     def __init__(self, count: int, error: Exception | None = None) -> None:
         self.count, self.error, self.closed = count, error, False
@@ -56,20 +62,16 @@ class Counting(JobOperator):
             self.closed = True
 
 
-class Compiling(Counting):
-    """One step that takes until `go` is set; it says where it runs."""
+class Sleeping(Counting):
+    """One step of the engine process, which takes `seconds`."""
 
-    def __init__(self) -> None:
+    def __init__(self, seconds: float) -> None:
         super().__init__(0)
-        self.go, self.thread = threading.Event(), threading.current_thread()
+        self.seconds = seconds
 
     def steps(self, context, settings):
-        def work() -> str:
-            self.thread = threading.current_thread()
-            return f"compiled: {self.go.wait(60.0)}"
-
         try:
-            return (yield from computed(work, Progress(0, 1, "Compiling")))
+            return (yield from computed(asleep, self.seconds, at=Progress(0, 1, "Sleeping")))
         finally:
             self.closed = True
 
@@ -125,23 +127,27 @@ def test_there_is_one_percentage_which_never_falls(monkeypatch: pytest.MonkeyPat
 
 
 def test_window_lives_during_a_long_step_and_escape_acts_in_it() -> None:
-    window, operator = Window(), Compiling()
-    operator.invoke(window, event("LEFTMOUSE"))
-    states = [operator.modal(window, event("TIMER")) for _ in range(5)]
-    assert states == [{"RUNNING_MODAL"}] * 5
-    assert window.texts == ["PatchNet: Compiling   (Esc stops)"]
-    assert operator.modal(window, event("ESC")) == {"CANCELLED"}
-    assert operator.closed and job_in_window().title == "" and not operator.go.is_set()
-    assert operator.thread.is_alive() and operator.thread is not threading.main_thread()
-    operator.go.set()
-    operator.thread.join(60.0)
-    assert [text for _kind, text in operator.reports] == ["Count was stopped: nothing was changed"]
-    again = Compiling()
-    again.go.set()
-    again.invoke(window, event("LEFTMOUSE"))
-    while (state := again.modal(window, event("TIMER"))) == {"RUNNING_MODAL"}:
-        pass
-    assert state == {"FINISHED"} and again.reports == [({"INFO"}, "compiled: True")]
+    use_engine_process()
+    try:
+        answer(len, [])
+        pid, window, operator = engine_pid(), Window(), Sleeping(60.0)
+        operator.invoke(window, event("LEFTMOUSE"))
+        states = [operator.modal(window, event("TIMER")) for _ in range(20)]
+        assert states == [{"RUNNING_MODAL"}] * 20
+        assert window.texts == ["PatchNet: Sleeping   (Esc stops)"]
+        begun = time.monotonic()
+        assert operator.modal(window, event("ESC")) == {"CANCELLED"}
+        assert time.monotonic() - begun < 2.0, "0.2 s, beside other processes"
+        assert pid is not None and engine_pid() is None, "the step would have taken long"
+        assert operator.closed and job_in_window().title == ""
+        assert [text for _kind, text in operator.reports] == ["Count was stopped: nothing was changed"]
+        again = Sleeping(0.05)
+        again.invoke(window, event("LEFTMOUSE"))
+        while (state := again.modal(window, event("TIMER"))) == {"RUNNING_MODAL"}:
+            pass
+        assert state == {"FINISHED"} and again.reports == [({"INFO"}, "awake")]
+    finally:
+        leave_engine_process()
 
 
 def test_unexpected_errors_are_raised_and_leave_no_timer() -> None:

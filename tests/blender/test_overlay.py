@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from patchnet.operators import overlay
+from patchnet.operators.computing.views import ERROR_MAXIMUM
 from patchnet.operators.overlay import drawing, open_pictures
 from patchnet.operators.overlay import framed as layout
 from patchnet.operators.overlay.framed import Rect
 from patchnet.operators.pipeline.views import View, view
 from patchnet.operators.scene.cameras import tracing_camera
-from patchnet.operators.scene_access.images import ERROR_MAXIMUM
 from patchnet.operators.scene_access.own import quiet
 from patchnet.operators.session import results, shown_view, views
 from patchnet.operators.session.scene_session import session_of
@@ -159,7 +159,7 @@ def test_heatmap_ends_at_the_configured_maximum(made: tuple[View, ViewSettings])
 def test_images_are_named_after_the_camera(made: tuple[View, ViewSettings]) -> None:
     result, wanted = made
     shown = shown_view.view_to_show(result, wanted, 0.0)
-    images = show_images(result, shown)
+    images = drain(show_images(result, shown))
     for name, count in PAGES.items():
         assert len(places_on_page(result.pictures[name].shape[1::-1], SIZE, count)) == count
     assert image_name("Eye", "priority") == "PatchNet Eye priority"
@@ -169,7 +169,7 @@ def test_images_are_named_after_the_camera(made: tuple[View, ViewSettings]) -> N
         np.testing.assert_array_equal(pixels_of(image)[..., 0], shown.values[name])
     unknown = {name: values for name, values in shown.values.items() if name != "coverage"}
     with quiet():  # as in operators: removing an image makes Blender report every lamp
-        show_images(result, dataclasses.replace(shown, values=unknown))
+        drain(show_images(result, dataclasses.replace(shown, values=unknown)))
     assert image_name("Eye", "coverage") not in bpy.data.images
     assert "Coverage not computed" in dataclasses.replace(shown, values=unknown).describe_pixel(0, 0, 1.0)
     session_of(bpy.context.scene).views[shown.camera.name] = shown
@@ -209,7 +209,7 @@ def test_views_say_when_they_are_out_of_date(made: tuple[View, ViewSettings]) ->
 def test_nothing_is_shown_in_background(made: tuple[View, ViewSettings]) -> None:
     result, wanted = made
     overlay.forget(bpy.context)
-    overlay.show(bpy.context, [result], wanted)
+    drain(overlay.show(bpy.context, [result], wanted))
     assert not session_of(bpy.context.scene).views
     for operator in (bpy.ops.patchnet.drag_wipe, bpy.ops.patchnet.inspect_pixels):
         assert not operator.poll()

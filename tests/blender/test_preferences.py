@@ -3,10 +3,10 @@
 
 import json
 import logging
+import sys
 from pathlib import Path
 
 import bpy
-import numba
 import numpy as np
 import pytest
 
@@ -15,7 +15,7 @@ from patchnet.operators.copy_diagnostics import diagnostics
 from patchnet.operators.properties import preferences
 from patchnet.operators.session import results
 from patchnet.patchnet_addon.light.surfel_cache import SurfelCache
-from patchnet.patchnet_addon.runtime.kernels import compiled_mark
+from patchnet.patchnet_addon.process import own_wheels
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import SMALL
 
@@ -28,14 +28,17 @@ def fill(root: Path) -> set[Path]:
     kernels.mkdir(parents=True)
     for name in ("clip.area-12.py311.nbi", "clip.area-12.py311.1.nbc"):
         (kernels / name).write_bytes(b"x" * 1000)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(numba.config, "CACHE_DIR", str(kernels.parent))
-        compiled_mark().touch()
+    (kernels.parent / "all-0123456789abcdef").touch()
+    package = root / "wheels" / "0123456789abcdef" / "llvmlite"
+    package.mkdir(parents=True)
+    (package.parent / "wheels.txt").touch()
+    (package / "__init__.py").write_bytes(b"x" * 500)
     kept = SurfelCache("0123456789abcdef" * 2, root / "bakes")
     kept.save(3, np.arange(16, dtype=np.uint64), 4, np.ones((16, 6), np.float32))
     own = {
         root / "holiday.jpg", root / "kernels" / "notes.txt", root / "kernels" / "0123456789abcdef" / "mine.txt",
-        root / "bakes" / "cake.txt", root / "bakes" / "round-00-0123456789abcdef.safetensors",
+        root / "wheels" / "cart.txt", root / "bakes" / "cake.txt",
+        root / "bakes" / "round-00-0123456789abcdef.safetensors",
         root / "bakes" / ("0123456789abcdef" * 2) / "mine.safetensors",
         root / "bakes" / "bread" / "round-00-0123456789abcdef.safetensors",
         root / "kernels" / "0123456789abcdef" / "octree_1a" / "all-0123456789abcdef",
@@ -49,10 +52,17 @@ def fill(root: Path) -> set[Path]:
 def test_cache_is_measured_and_cleared_without_touching_other_files(tmp_path: Path) -> None:
     own = fill(tmp_path)
     size = cache_size(tmp_path)
-    assert size["kernels"] == 2000 and 256 < size["bakes"] < 8000
+    assert size["kernels"] == 2000 and size["wheels"] == 500 and 256 < size["bakes"] < 8000
     assert clear_cache(tmp_path) == sum(size.values())
     assert {path for path in tmp_path.rglob("*") if path.is_file()} == own
     assert sum(cache_size(tmp_path).values()) == 0 == clear_cache(tmp_path)
+
+
+def test_diagnostics_name_other_wheels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "llvmlite-0.0.1-cp{}{}-any.whl".format(*sys.version_info)).touch()
+    assert json.loads(diagnostics(bpy.context))["engine"] == ""
+    monkeypatch.setattr(own_wheels, "_FOLDER", tmp_path)
+    assert "for all: PatchNet computes with its own 0.0.1" in json.loads(diagnostics(bpy.context))["engine"]
 
 
 def test_links_are_not_followed(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The render engine in background: passes, stills, animations, importance, errors."""
 
-import threading
+import time
 from pathlib import Path
 
 import bpy
@@ -10,12 +10,13 @@ import pytest
 
 from patchnet.operators.render_engine import panels
 from patchnet.operators.render_engine.engine import ENGINE
-from patchnet.operators.render_engine.passes import BY_PRIORITY, NO_DEPTH, PASSES
+from patchnet.operators.render_engine.passes import BY_PRIORITY, PASSES
 from patchnet.operators.render_engine.render_frame import pull
 from patchnet.operators.session import results
+from patchnet.patchnet_addon.process.computed import computed, leave_engine_process, use_engine_process
 from patchnet.patchnet_addon.runtime.errors import StoppedError
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
-from patchnet.patchnet_addon.runtime.worker import computed
+from patchnet.patchnet_addon.sampling.passes import NO_DEPTH
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
@@ -258,8 +259,11 @@ class Stopping:
 
 
 def test_a_stop_is_heard_in_the_middle_of_a_step() -> None:
-    go = threading.Event()
-    with pytest.raises(StoppedError):
-        pull(Stopping(), computed(lambda: go.wait(60.0), Progress(0, 1, "Compiling")), 0.0, 1.0)
-    assert not go.is_set()
-    go.set()
+    start = time.monotonic()
+    use_engine_process()
+    try:
+        with pytest.raises(StoppedError):
+            pull(Stopping(), computed(time.sleep, 60.0, at=Progress(0, 1, "Compiling")), 0.0, 1.0)
+    finally:
+        leave_engine_process()
+    assert time.monotonic() - start < 60.0

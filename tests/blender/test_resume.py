@@ -9,12 +9,12 @@ import bpy
 import numpy as np
 import pytest
 
+from patchnet.operators.computing.octrees import LitSurface
 from patchnet.operators.cycles.bake import bake, baker
 from patchnet.operators.cycles.bake.bake import bake_key, bake_light
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.state.scene_state import scene_state
 from patchnet.patchnet_addon.light import surfel_cache
-from patchnet.patchnet_addon.light.surface_light import SurfaceLight
 from patchnet.patchnet_addon.runtime.files import read_arrays
 from patchnet.patchnet_addon.runtime.progress import Progress
 from patchnet.tests.blender.job_scene import build, principled
@@ -47,7 +47,7 @@ def surfels(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 def bake_kept(
     stop_at: int | None = None, *, keeps: bool = True, cameras: Sequence[str] = (), **light: object
-) -> tuple[SurfaceLight | None, np.ndarray, list[Progress]]:
+) -> tuple[LitSurface | None, np.ndarray, list[Progress]]:
     """Bake the open scene: light, its luminance of all fragments, reports.
 
     stop_at: closes the bake when so many surfels are finished.
@@ -162,7 +162,7 @@ def test_more_samples_add_to_what_is_there(surfels: list[int]) -> None:
 
 
 def key(scope: str = "VISIBLE", **light: object) -> str:
-    return bake_key(bake_job(scope, depth=4, state=scene_state(bpy.context.scene).identity(), **light))
+    return bake_key(bake_job(scope, depth=4, state=scene_state(bpy.context.scene).identity(), **light), "code")
 
 
 def group_node(name: str) -> bpy.types.Node:

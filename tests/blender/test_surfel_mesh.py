@@ -5,10 +5,10 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.cycles.bake.surfel_mesh import _weights
 from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.patchnet_addon.light.surfel_triangles import _weights
 from patchnet.patchnet_addon.light.surfels import SURFEL
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock

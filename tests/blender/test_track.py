@@ -114,8 +114,8 @@ def test_voxels_made_in_one_way_are_found_in_all(
     values = walk.patchnet
     values.light, values.max_samples, values.size = "cycles", 2, camera_size_px(walk)
     path, built = saved(Path(bpy.data.filepath)), []
-    build = lit_octree.build
-    monkeypatch.setattr(lit_octree, "build", lambda *given: built.append(1) or build(*given))
+    build = lit_octree.build_octree
+    monkeypatch.setattr(lit_octree, "build_octree", lambda *given: built.append(1) or build(*given))
     words = ["run", str(path), "--weights", str(weights), "--size", *map(str, values.size), "--max-samples", "2"]
     words += ["--track", "--out"]
     ways = [

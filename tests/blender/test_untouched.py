@@ -96,7 +96,7 @@ def test_stopped_steps(kind: str, weights: Path, tmp_path: Path) -> None:
 
 # Where memory runs out: functions that stages call when they begin, and in their middle.
 PLACES = (
-    "patchnet_addon.lod.memory.expected_leaves",
+    "operators.computing.grids.expected_leaves",
     "patchnet_addon.light.surfels.choose_surfels",
     "patchnet_addon.light.surface_light.cells_shade",
     "patchnet_addon.codes.encode.encode_octree",

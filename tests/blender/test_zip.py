@@ -2,6 +2,7 @@
 """The extension's zip contains all that runs in Blender and nothing else."""
 
 import ast
+import re
 import sys
 import tomllib
 import zipfile
@@ -12,7 +13,7 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-STARTERS = {"operators/jobs/compile_ahead.py"}  # starts Blender's own program, to compile kernels
+STARTERS = {"patchnet_addon/process/client.py"}  # starts Blender's own Python: the engine process
 WHEELS = [f"{name}-1-cp313-cp313-win_amd64.whl" for name in ("llvmlite", "numba")]
 
 
@@ -114,3 +115,6 @@ def test_bundled_versions_are_those_that_tests_use() -> None:
     lines = (ROOT / ".ci" / "wheels.txt").read_text().splitlines()
     bundled = [line.removesuffix(" \\") for line in lines if "==" in line and "--hash" not in line]
     assert len(bundled) == 2 and set(bundled) <= set(tested)
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text())
+    credited = [line for line in manifest["copyright"] if "(" in line]
+    assert sorted(re.findall(r"\((\w+)\)", " ".join(credited))) == sorted(line.partition("==")[0] for line in bundled)

@@ -7,12 +7,12 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from patchnet.operators.cycles.camera_render import combined_light
 from patchnet.operators.cycles.scene_copy import prepared, render
 from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.patchnet_addon.image.cycles_passes import combined_light
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.camera import Camera

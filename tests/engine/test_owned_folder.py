@@ -2,6 +2,7 @@
 """Temporary folders of dead processes go, those of living ones stay, on this machine and on others."""
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from patchnet.patchnet_addon.runtime.owned_folder import SILENT_S, machine, remove_left_over
+from patchnet.patchnet_addon.runtime.owned_folder import SILENT_S, machine, owned_folder, remove_left_over
 
 WORK = """
 import sys, time
@@ -17,7 +18,7 @@ from pathlib import Path
 from patchnet.patchnet_addon.runtime.owned_folder import owned_folder
 with owned_folder(Path(sys.argv[1])) as files:
     (files / "half").write_text("half")
-    print("ready", flush=True)
+    print(files.parent, flush=True)
     time.sleep(600)
 """
 
@@ -25,10 +26,11 @@ with owned_folder(Path(sys.argv[1])) as files:
 @pytest.fixture
 def worker(tmp_path: Path):
     """A process at work in `.out.0123abcd.tmp`."""
-    folder = tmp_path / ".out.0123abcd.tmp"
-    process = subprocess.Popen([sys.executable, "-c", WORK, str(folder)], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen([sys.executable, "-c", WORK, str(tmp_path / "out")], stdout=subprocess.PIPE, text=True)
     try:
-        assert process.stdout is not None and process.stdout.readline() == "ready\n"
+        assert process.stdout is not None
+        folder = Path(process.stdout.readline().strip())
+        assert folder.parent == tmp_path and re.fullmatch(r"\.out\.[0-9a-f]{8}\.tmp", folder.name)
         yield process, folder
     finally:
         process.kill()
@@ -48,7 +50,8 @@ def test_a_living_process_keeps_its_folder_and_a_dead_one_does_not(worker, tmp_p
     process.wait()
     remove_left_over(tmp_path, "other")
     assert folder.is_dir(), "another output's"
-    remove_left_over(tmp_path, "out")
+    with owned_folder(tmp_path / "out") as files:
+        assert list(tmp_path.iterdir()) == [files.parent]
     assert list(tmp_path.iterdir()) == []
 
 

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Parallel loops over parts of a range."""
 
+import threading
+
 import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.runtime import threads
 from patchnet.patchnet_addon.runtime.kernels import kernel
-from patchnet.patchnet_addon.runtime.threads import limit_threads, run_parts
+from patchnet.patchnet_addon.runtime.threads import executor, limit_threads, run_parts
 
 
 @pytest.fixture(autouse=True)
@@ -39,3 +41,14 @@ def test_no_part_begins_after_an_error():
     with pytest.raises(RuntimeError, match="part"):
         run_parts(part, 1000)
     assert len(begun) <= 4
+
+
+@pytest.mark.parametrize(("limit", "is_here"), [(1, True), (None, False)])
+def test_tasks_of_one_thread_run_in_the_one_that_submits_them(limit, is_here):
+    here = threading.get_ident()
+    with limit_threads(limit), executor(3) as pool:
+        idents = [pool.submit(threading.get_ident).result(), *pool.map(lambda _: threading.get_ident(), range(3))]
+        failed = pool.submit(int, "one")
+    assert {ident == here for ident in idents} == {is_here}
+    with pytest.raises(ValueError, match="one"):
+        failed.result()

@@ -11,7 +11,8 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.render import first_hits, ray_up, seen_color
+from patchnet.patchnet_addon.tracing.ray_up import ray_up
+from patchnet.patchnet_addon.tracing.render import first_hits, seen_color
 from patchnet.patchnet_addon.tracing.supersample import behind_patches, supersample
 from patchnet.tests.references.first_hits import hits_of_pixels, supersampled_reference
 from patchnet.tests.references.small import ray_up_reference
@@ -79,7 +80,7 @@ def test_contract_holds_at_every_hit(octree):
     leaf = octree.child_mask[hits.node[hits.hit]] == 0
     assert (leaf | (side_voxel < 2 * side_pixel * (1 + 1e-6))).all()
     np.testing.assert_allclose(hits.ratio[hits.hit], np.clip(side_pixel / side_voxel, 0.5, 1), rtol=1e-5)
-    assert (np.abs((ray_up(hits.direction, hits.camera_up) * hits.direction).sum(axis=1)) < 1e-6).all()
+    assert (np.abs((hits.up * hits.direction).sum(axis=1)) < 1e-6).all()
 
 
 @pytest.mark.parametrize("side", [2, 4, 9])

@@ -76,13 +76,12 @@ def compared(viewport, found: np.ndarray, size: tuple[int, int]) -> list[float]:
     octree = result().octree
     bounds = octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
     camera = views.viewport_camera(view.view_matrix, view.window_matrix, size, bounds)
-    pixel_filter = views.pixel_filter_of(bpy.context.scene)
-    picture = views.AdaptivePicture(octree, camera, None, None, None, pixel_filter=pixel_filter)
     world = viewport.world.behind(bpy.context.evaluated_depsgraph_get(), octree).world
-    preview = previews.ViewportPreview(picture, 0.3, world, None, 64, 4)
+    settings = views.PictureSettings(None, side=4, pixel_filter=views.pixel_filter_of(bpy.context.scene))
+    preview = previews.ViewportPreview(octree, None, camera, settings, world)
     while not preview.done:
         preview.work(1.0)
-    off = np.abs(preview.pixels().reshape(-1, 4) - found).max(axis=1)
+    off = np.abs(preview.take().reshape(-1, 4) - found).max(axis=1)
     return [float((off > 1 / 255).mean()), float(off.mean())]
 
 
@@ -202,7 +201,7 @@ def turned(seconds: float):
     """
     from importlib import import_module
 
-    resident_bytes = import_module(f"{PACKAGE}.patchnet_addon.runtime.heap").resident_bytes
+    resident_bytes = import_module(f"{PACKAGE}.patchnet_addon.runtime.memory").resident_bytes
     overlay, path = bpy.context.window_manager.patchnet_overlay, str(OUT / f"{NAME}.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     start, frames, saves, taken = time.monotonic(), 0, 0, []
@@ -228,13 +227,13 @@ def by_priority():
     clicks.window().scene.update_tag()
     clicks.area("VIEW_3D").tag_redraw()
     yield from clicks.wait_for(lambda: any(v._preview is not None and v._preview.done for v in viewports), "CPU", 240.0)
-    seen["refined by the CPU"] = max(int(v._preview.picture.samples.max()) for v in viewports if v._preview)
+    seen["refined by the CPU"] = max(int(v._preview.pixels.samples.max()) for v in viewports if v._preview)
     choose(render_samples=16.0)
 
 
 def ended_exactly(viewport) -> bool:
     preview = viewport._preview
-    return preview is not None and preview.done and preview.picture.octree.pieces is not None
+    return preview is not None and preview.done and preview.octree.pieces is not None
 
 
 def no_room():

@@ -7,6 +7,8 @@ OUT/sky.blend, which test_engine_window.py makes, is opened last, and rendered a
 Writes OUT/engine.json, a value for each thing that was seen. test_engine_window.py judges it.
 """
 
+import os
+import signal
 import sys
 from pathlib import Path
 
@@ -46,8 +48,9 @@ def preview():
     yield from clicks.wait_for(lambda: viewports and viewports[-1]._preview is not None, "a preview begins", 180.0)
     viewport = viewports[-1]
     first, engines = viewport._preview, len(viewports)
-    seen["coarse at first"] = bool((first.picture.samples == 0).any())
-    yield from clicks.wait_for(lambda: first.picture.ranking is not None, "every pixel is traced")
+    yield from clicks.wait_for(lambda: first.pixels is not None, "a picture")
+    seen["coarse at first"] = not first.pixels.traced
+    yield from clicks.wait_for(lambda: first.pixels.traced, "every pixel is traced")
     yield from sky(viewport)  # looks at it make Blender begin new engines
     seen["begun anew"] = len(viewports) - engines + (viewport._preview is not first)
     x, y = clicks.over_viewport()
@@ -55,9 +58,10 @@ def preview():
     clicks.window().event_simulate(type="WHEELUPMOUSE", value="PRESS", x=x, y=y)
     yield from clicks.wait_for(lambda: viewport._preview is not first, "another view is another preview")
     yield from settle(viewport, "the preview spends its budget")
-    picture = viewport._preview.picture
-    seen["finest"], seen["refined share"] = int(picture.samples.max()), float((picture.samples == 1024).mean())
-    first = picture = None
+    samples = viewport._preview.pixels.samples
+    seen["finest"], seen["refined share"] = int(samples.max()), float((samples == 1024).mean())
+    first = None
+    yield from engine_ended(viewport)
     yield from masks(viewport)
     show("SOLID")
     for _ in range(20):  # kept for another engine for a moment, longer where the machine is busy
@@ -71,11 +75,28 @@ def sky(viewport):
     """The courtyard's world, a gradient, stands behind all objects as soon as a timer has made its map."""
     session = module("session.scene_session").session_of(clicks.window().scene)
     yield from clicks.wait_for(lambda: session.world is not None, "the world's map")
-    yield from clicks.wait_for(lambda: viewport._preview is not None and viewport._preview._map is not None, "a sky")
+    yield from clicks.wait_for(lambda: viewport._background == session.world.key, "a sky")
     yield from settle(viewport, "the preview with a sky spends its budget")
-    beside = viewport._preview.picture.alpha == 0.0
-    light = viewport._preview.pixels().reshape(-1, 4)[beside, :3]
+    pixels = viewport._preview.pixels
+    beside = pixels.values[:, 3] == 0.0
+    light = pixels.shown.reshape(-1, 4)[beside, :3]
     seen["sky"] = {"share": float(beside.mean()), "least": float(light.min()), "spread": float(light.std(axis=0).max())}
+
+
+def engine_ended(viewport):
+    """The engine process ends while it works on a picture, as another job's stop may end it."""
+    import importlib
+
+    first = viewport._preview
+    x, y = clicks.over_viewport()
+    clicks.window().event_simulate(type="WHEELDOWNMOUSE", value="PRESS", x=x, y=y)
+    yield from clicks.wait_for(lambda: viewport._preview is not first, "a preview begins")
+    begun, pid = viewport._preview, importlib.import_module(f"{PACKAGE}.patchnet_addon.process.computed").engine_pid()
+    if pid is not None:
+        os.kill(pid, signal.SIGKILL)
+        yield from clicks.wait_for(lambda: viewport._preview is not begun, "a preview begins anew", 30.0)
+    yield from settle(viewport, "the preview after the engine's end")
+    seen["refined after the engine's end"] = int(viewport._preview.pixels.samples.max())
 
 
 def masks(viewport):
@@ -127,13 +148,12 @@ def settle_masked(viewport, name: str):
     yield from clicks.wait_for(
         lambda: viewport._preview not in (None, before) and viewport._preview.done, f"a preview with mask {name}"
     )
-    picture = viewport._preview.picture
-    frame = picture.ranking.buffers
-    columns = np.flatnonzero(picture.samples > 1) % frame.width
+    pixels, width = viewport._preview.pixels, viewport._preview.camera.width_px
+    columns = np.flatnonzero(pixels.samples > 1) % width
     seen[f"mask {name}"] = {
-        "columns": [float(columns.min() / frame.width), float(columns.max() / frame.width)],
-        "heaviest": float(frame.importance.max()),
-        "matter": float((frame.importance > 0).mean()),
+        "columns": [float(columns.min() / width), float(columns.max() / width)],
+        "heaviest": float(pixels.importance.max()),
+        "matter": float((pixels.importance > 0).mean()),
     }
 
 

@@ -8,7 +8,6 @@ Writes OUT/memory.json: bytes of the process after each part, and what the panel
 
 import importlib
 import math
-import os
 import sys
 from pathlib import Path
 
@@ -24,7 +23,16 @@ SETTINGS = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 9, "max_samples"
 visit = Visit("memory")
 seen = visit.seen
 heard = Heard()
-heap = importlib.import_module(f"{PACKAGE}.patchnet_addon.runtime.heap")
+
+
+def process_bytes() -> int:
+    """Resident bytes of this process's own memory, and all bytes of segments that it shares with the engine."""
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    own = sum(int(status[name].split()[0]) << 10 for name in ("RssAnon", "RssFile"))
+    places = [line.split(maxsplit=1)[0] for line in Path("/proc/self/maps").read_text().splitlines()
+              if "memfd:patchnet" in line]  # fmt: skip
+    ends = [[int(end, 16) for end in place.split("-")] for place in places]
+    return own + sum(last - first for first, last in ends)
 
 
 def measure(part: str, looks: int = 1) -> clicks.Session:
@@ -32,8 +40,7 @@ def measure(part: str, looks: int = 1) -> clicks.Session:
     found = []
     for _ in range(looks):
         yield 1.0
-        heap.trim()
-        found.append(heap.resident_bytes())
+        found.append(process_bytes())
     held = module("session.scene_session").held()
     seen[part] = {"process": min(found), "results": held.results, "images": held.images}
     visit.save(part)
@@ -63,6 +70,8 @@ def preview() -> clicks.Session:
     press("run_all")
     yield from clicks.wait_for(lambda: not running(), "the job ends", 1200.0)  # kernels take a minute or more
     seen["steps"] = list(heard.labels)
+    seen["compilers"] = sorted({"numba", "llvmlite"} & set(sys.modules))
+    seen["engine"] = importlib.import_module(f"{PACKAGE}.patchnet_addon.process.computed").engine_pid() is not None
     yield from measure("job")
 
 
@@ -86,15 +95,6 @@ def free() -> clicks.Session:
     yield from measure("freed", looks=5)
 
 
-def kernels() -> None:
-    """Count the kernels that were compiled in the other Blender, and after it."""
-    folder = Path(os.environ.get("PATCHNET_CACHE", "")) / "kernels"
-    (mark,) = folder.rglob("all-*")
-    later = [path.stat().st_mtime_ns > mark.stat().st_mtime_ns for path in folder.rglob("*.nbc")]
-    about = module("jobs.compile_ahead").ABOUT
-    seen["kernels"] = {"about": about, "ahead": later.count(False), "later": later.count(True)}
-
-
 def session() -> clicks.Session:
     """The whole visit. Blender keeps 100 MB and more of its first render with Cycles, whoever asks for it."""
     yield from measure("start")
@@ -105,7 +105,6 @@ def session() -> clicks.Session:
     yield from rendered("PATCHNET")
     yield from measure("rendered")
     yield from free()
-    kernels()
 
 
 visit.play(session(), pictures="WINDOW")

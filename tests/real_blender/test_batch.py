@@ -59,6 +59,14 @@ def test_command_on_the_open_file(installed: Blender, cube: Path, out: Path) -> 
     assert installed.run("--command", "patchnet", "info", out / "command/frame-0002/octree.safetensors").returncode == 0
 
 
+def test_octree_and_export_in_blender(installed: Blender, cube: Path, out: Path) -> None:
+    octree, points = out / "command" / "cube.safetensors", out / "command" / "cube.ply"
+    made = installed.run("-b", cube, "--command", "patchnet", "octree", "--out", octree, *QUICK[:4])
+    assert made.returncode == 0 and "cube.safetensors: depth 5" in made.stdout, made.stdout + made.stderr
+    exported = installed.run("--command", "patchnet", "export", octree, "--out", points)
+    assert exported.returncode == 0 and points.read_bytes().startswith(b"ply\n"), exported.stdout + exported.stderr
+
+
 SMALL = (
     "import bpy; s = bpy.context.scene; s.patchnet.max_samples = 2"
     "; s.render.resolution_x, s.render.resolution_y = 48, 32"

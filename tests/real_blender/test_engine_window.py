@@ -64,6 +64,10 @@ def test_a_picture_goes_on_while_the_world_is_looked_at(seen: dict) -> None:
     assert seen["begun anew"] == 0
 
 
+def test_a_picture_begins_anew_when_the_engine_has_ended(seen: dict) -> None:
+    assert seen["refined after the engine's end"] == 1024
+
+
 def test_leaving_the_shading_mode_frees_the_picture(seen: dict) -> None:
     assert seen["references left"] == 3  # the script's list, its variable, and the question itself
 

@@ -8,7 +8,7 @@ import pytest
 from patchnet.tests.real_blender.executable import Blender
 
 MB = 2**20
-KEPT_BYTES = 300_000_000  # of kernels, their loader and meshes
+KEPT_BYTES = 300_000_000  # by Blender itself
 
 
 @pytest.fixture(scope="module")
@@ -20,10 +20,7 @@ def memory(installed: Blender, courtyard: Path, out: Path) -> dict:
 
 
 def test_kernels_are_compiled_in_another_process(memory: dict) -> None:
-    assert memory["steps"][0] == "Compiling kernels"
-    kernels = memory["kernels"]
-    assert kernels["later"] == 0
-    assert kernels["ahead"] == pytest.approx(kernels["about"], rel=0.1), "ABOUT is what the progress counts up to"
+    assert memory["engine"] and memory["compilers"] == []
 
 
 def test_panel_states_what_is_held(memory: dict) -> None:

@@ -30,7 +30,6 @@ from patchnet.patchnet_addon.network.weights import CHANNELS
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from patchnet.patchnet_addon.tracing.hits import Hits
-from patchnet.patchnet_addon.tracing.render import ray_up
 from patchnet.tests.references.lookups import covered_shares, covering_nodes_reference, face_luminances, ray_frames
 from patchnet.tests.references.networks import MixtureInputs, decode, decode_mixture
 from patchnet.tests.references.sides import luminance_reference
@@ -166,8 +165,7 @@ def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits)
     corners = corners_of(coded.corner_rows, coded.rows_of(node))  # (M, 8)
     assert coded.corner_cells is not None
     corner_codes = coded.codes[corners].astype(np.float32)
-    entry, direction = (array[pixels].astype(np.float32) for array in (hits.entry_voxel, hits.direction))
-    up = ray_up(direction, hits.camera_up)
+    entry, direction, up = (array[pixels].astype(np.float32) for array in (hits.entry_voxel, hits.direction, hits.up))
     ratio = hits.ratio[pixels].astype(np.float32)
     shares = np.where(OCTANTS == 1, entry[:, None], 1 - entry[:, None]).prod(axis=-1)  # (M, 8)
     frames, axes, _ = ray_frames(direction)
@@ -294,8 +292,7 @@ def predict_reference(coded: CodedOctree, hits: Hits) -> Prediction:
         decoded = decode_mixture(coded.weights, mixture_inputs_reference(coded, pixels, hits))
     else:
         codes = interpolate_codes_reference(coded, rows[pixels], hits.entry_voxel[pixels])
-        direction = hits.direction[pixels]
-        decoded = decode(coded.weights, codes, direction, ray_up(direction, hits.camera_up), hits.ratio[pixels])
+        decoded = decode(coded.weights, codes, hits.direction[pixels], hits.up[pixels], hits.ratio[pixels])
     coverage[pixels], luminance[pixels] = decoded
     return Prediction(coverage, luminance, rows >= 0)
 

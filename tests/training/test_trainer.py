@@ -2,7 +2,6 @@
 """Training runs: learning, exact resume, files that do not fit."""
 
 import json
-import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from patchnet.patchnet_addon.network.encoders import MLP, EncoderKind
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
-from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.references.networks import NumpyEncoder, decode
 from patchnet.tests.training.convolution_reference import NumpyConvolutions
@@ -79,28 +77,6 @@ def test_resumed_run_equals_uninterrupted(datasets: list[Dataset], tmp_path: Pat
     resumed = drain(train(datasets, SETTINGS, RunOptions(tmp_path / "b", resume=True, log_steps=2)))
     assert whole.hash == resumed.hash == load_weights(tmp_path / "b" / "patchnet.safetensors").hash
     assert resumed.metadata["sample_passes"] == 6 * 256
-
-
-def test_a_step_that_is_interrupted_is_taken_whole(
-    datasets: list[Dataset], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    whole = drain(train(datasets, SETTINGS, RunOptions(tmp_path / "a", stop_after=3)))
-    take, taken = torch.optim.Adam.step, []
-
-    def interrupted(adam: torch.optim.Adam) -> None:
-        taken.append(1)
-        if len(taken) == 3:
-            signal.raise_signal(signal.SIGINT)
-        take(adam)
-
-    monkeypatch.setattr(torch.optim.Adam, "step", interrupted)
-    with pytest.raises(KeyboardInterrupt), prompt_interrupt():
-        drain(train(datasets, SETTINGS, RunOptions(tmp_path / "b")))
-    stopped = load_weights(tmp_path / "b" / "patchnet.safetensors")
-    assert (stopped.metadata["steps"], stopped.hash) == (3, whole.hash)
-    monkeypatch.undo()
-    resumed = drain(train(datasets, SETTINGS, RunOptions(tmp_path / "b", resume=True)))
-    assert resumed.hash == drain(train(datasets, SETTINGS, RunOptions(tmp_path / "c"))).hash
 
 
 def test_log_whose_last_line_was_cut(datasets: list[Dataset], tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure and print; returns 0; raises PatchNetError."""
-    if args.bench in ("bake", "preview", "walkthrough"):
+    if args.bench in ("bake", "preview", "process", "walkthrough"):
         require_blender()
     if args.bench == "train":
         require_torch()
@@ -132,6 +132,11 @@ def _bake(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--samples", bounds.SAMPLES, "paths per surfel", 16)
 
 
+def _process(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--scene", default="demo", help="scene file; demo: the courtyard; room: a closed room (demo)")
+    _repeats(parser, 5)
+
+
 def _preview(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", default="demo", help="scene file; demo: the courtyard; room: a closed room (demo)")
     parser.add_argument("--camera", default="active", help="the camera (active)")
@@ -185,6 +190,7 @@ BENCHES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
     "gpu": ("rays and decoded pixels on a graphics card against the CPU's kernels", _gpu),
     "frame": ("a frame, from camera to priority and picture, against four rays in each pixel", _frame),
     "bake": ("the bake against camera renders: paths per second", _bake),
+    "process": ("the start of the engine process, a call, and a scene's surface handed to it", _process),
     "preview": ("the first lit picture and the whole job against Cycles' still of the same view", _preview),
     "walkthrough": (
         "a fly-through, with the bake, against Cycles: who is ahead at equal error, from which frame on",

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import multiprocessing
+import os
+import threading
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
@@ -93,18 +95,31 @@ def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
     if not left:
         return
     # Not forked: threads and libraries of this process do not survive a fork.
-    pool = ProcessPoolExecutor(min(processes, len(left)), multiprocessing.get_context("spawn"))
+    spawn = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(processes, len(left)), spawn, initializer=_end_with_parent)
     try:
         for task in as_completed([pool.submit(evaluate_block, block) for block in left]):
             task.result()
             done += 1
             yield Progress(done, len(blocks), _LABEL)
-    except BaseException:  # after an error or a signal: unfinished blocks are repeated in a later run
+    except BaseException:  # after an error or a stop: unfinished blocks are repeated in a later run
         pool.shutdown(wait=False, cancel_futures=True)
         for process in multiprocessing.active_children():
             process.terminate()
         raise
     pool.shutdown()
+
+
+def _end_with_parent() -> None:
+    """Let this process end with the one that started it, which Ctrl-C and SIGTERM end at once."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def wait() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def _result(name: str, blocks: Sequence[FrameBlock], strategies: Mapping[str, Strategy]) -> SceneResult:

@@ -18,7 +18,6 @@ import torch
 from ...patchnet_addon.network.devices import CPU, enough_memory, found_device
 from ...patchnet_addon.network.weights import Weights, save_weights
 from ...patchnet_addon.runtime.errors import FileFormatError, OutputError, SettingError
-from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.runtime.replace import replaced_path
@@ -99,8 +98,7 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
             dtype = encoder_type(settings, learner.steps / total, device)
             with enough_memory(BATCHES), torch_threads(threads):
                 gradients, sums = learner.differentiate(batch, dtype)
-                with interrupts_wait():  # so that checkpoints contain whole steps
-                    learner.step(gradients, rate)
+                learner.step(gradients, rate)
             learner.seconds = time.monotonic() - before
             keeper.keep_step(sums, rate)
             yield Progress(learner.steps, end, f"Training on {title}")

@@ -14,7 +14,6 @@ from typing import Any
 import bpy
 
 from ....patchnet_addon.runtime.errors import SceneError, StoppedError
-from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ...scene_access.window_job import BAKE, CANCEL, COMPLETE, INTERRUPTED, as_job, editors_keep_images
 from .surfel_mesh import TEXEL_LAYER
@@ -88,7 +87,7 @@ def _called(context: bpy.types.Context, target: BakeTarget, bake: Callable[[dict
     override = {"scene": target.scene, "view_layer": target.layer}
     override |= {"active_object": item, "object": item, "selected_objects": [item]}
     try:
-        with interrupts_wait(), context.temp_override(**override):
+        with context.temp_override(**override):
             return bake(_ARGUMENTS | _passes(target))
     except RuntimeError as cause:
         reason = str(cause).strip().removeprefix("Error: ")

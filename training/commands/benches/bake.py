@@ -21,7 +21,7 @@ import numpy as np
 from ....commands.shared.progress_lines import progress_lines
 from ....commands.shared.quiet import quiet_stdout
 from ....commands.shared.scene_argument import open_or_build
-from ....operators.cycles.bake.bake_job import BakeJob, choose
+from ....operators.cycles.bake.bake_job import BakeJob, begin
 from ....operators.cycles.bake.baker import SurfelBaker
 from ....operators.cycles.daylight import daylight, has_light
 from ....operators.cycles.scene_copy import prepared
@@ -30,8 +30,8 @@ from ....operators.settings.groups import LightSettings
 from ....patchnet_addon.lod.depth import coarse_octree
 from ....patchnet_addon.octree.grid import Grid
 from ....patchnet_addon.octree.voxelize import ClippedSurface
+from ....patchnet_addon.process.transfer import Remote
 from ....patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
-from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps, drain
 from ....patchnet_addon.tracing.viewpoints import viewpoints
 from ...benchmarks.timing import comparison
@@ -53,9 +53,10 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         cameras = drain(viewpoints(coarse, _VIEWS, _SIZE_PX, lit=False), show)
         lit = has_light(bpy.context.evaluated_depsgraph_get())
         light = LightSettings(color=False, daylight=not lit)
-        clipped = ClippedSurface(source, Grid.around(source.bounds_world, args.depth))
-        job = BakeJob(bpy.context, source, clipped, tuple(cameras), light, DEFAULT_LOOKAHEAD)
-        surfels = drain(choose(job), show).surfels
+        grid = Grid.around(source.bounds_world, args.depth)
+        clipped = Remote(ClippedSurface(source, grid))
+        job = BakeJob(bpy.context, source, clipped, grid, tuple(cameras), light, DEFAULT_LOOKAHEAD)
+        surfels = drain(begin(job), show).bake.value.chosen.surfels
         with nullcontext() if lit else daylight(bpy.context.scene):
             calls, renders = drain(_measured(job, surfels, args.samples), show)
     details = {
@@ -86,7 +87,7 @@ def rate(turns: Sequence[Turn]) -> float:
 
 def _measured(job: BakeJob, surfels: np.ndarray, samples: int) -> Steps[tuple[list[Turn], list[Turn]]]:
     """Bake equal parts of the surfels, and render about as many paths through the next camera after each."""
-    baker = SurfelBaker(job.context, job.source, job.light, job.clipped.grid.side_world)
+    baker = SurfelBaker(job.context, job.source, job.light, job.grid.side_world)
     calls: list[Turn] = []
     renders: list[Turn] = []
     for turn, part in enumerate(np.array_split(surfels, _TURNS)):
@@ -98,8 +99,7 @@ def _measured(job: BakeJob, surfels: np.ndarray, samples: int) -> Steps[tuple[li
         side = int(np.clip(round(float(np.sqrt(calls[-1].paths / samples))), _MIN_PX, _MAX_PX))
         camera = job.cameras[turn % len(job.cameras)].with_size(side, side)
         with prepared(job.context, camera, samples, turn, Path()) as (scene, _):
-            with interrupts_wait():
-                rendered = _timed(partial(bpy.ops.render.render, scene=scene.name))
+            rendered = _timed(partial(bpy.ops.render.render, scene=scene.name))
             renders.append(Turn(camera.pixel_count * samples, rendered))
     return calls, renders
 

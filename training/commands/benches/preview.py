@@ -23,8 +23,7 @@ from ....commands.shared.scene_argument import open_or_build
 from ....operators.cycles.scene_copy import prepared
 from ....operators.pipeline.run import JobResult, run_job
 from ....operators.settings.job_settings import JobSettings
-from ....patchnet_addon.runtime.interrupt import interrupts_wait
-from ....patchnet_addon.runtime.progress import drain
+from ....patchnet_addon.runtime.progress import Steps, drain
 from ....patchnet_addon.tracing.camera import Camera
 from ...benchmarks.timing import comparison
 from .walk_renders import denoise
@@ -40,21 +39,26 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         open_or_build(args.scene)
         drain(run_job(bpy.context, settings.changed(size=_SMALL, max_samples=2)), show)
         first: list[tuple[float, JobResult]] = []
+
+        def early(made: JobResult) -> Steps[None]:
+            first.append((time.process_time(), made))
+            yield from ()
+
         with tempfile.TemporaryDirectory(prefix="patchnet-") as folder, patch.dict(os.environ, PATCHNET_CACHE=folder):
             start = time.process_time()  # kernels are read, light is not kept
-            steps = run_job(bpy.context, settings, early=lambda made: first.append((time.process_time(), made)))
+            steps = run_job(bpy.context, settings, early=early)
             whole = drain(steps, show)
             end = time.process_time()
         camera = whole.views[0].camera
         still = _still(camera, args.cycles_samples)
     light = whole.report["light"]
-    shown, early = first[0] if first else (end, whole)
+    shown, lit = first[0] if first else (end, whole)
     details = {
         "scene": Path(args.scene).name,
         "camera": camera.name,
         "size": list(args.size),
         "whole_s": end - start,
-        "noise": {"first": early.report["light"]["light_noise"], "last": light["light_noise"]},
+        "noise": {"first": lit.report["light"]["light_noise"], "last": light["light_noise"]},
         "paths_per_pixel": light["light_paths"] / (args.size[0] * args.size[1]),
         "cycles_samples": args.cycles_samples,
         "voxels": whole.coded.octree.leaf_count,
@@ -68,6 +72,5 @@ def _still(camera: Camera, samples: int) -> float:
     with prepared(bpy.context, camera, samples, 0, Path()) as (scene, _):
         denoise(scene)
         start = time.process_time()
-        with interrupts_wait():
-            bpy.ops.render.render(scene=scene.name)
+        bpy.ops.render.render(scene=scene.name)
         return time.process_time() - start

@@ -14,7 +14,6 @@ from statistics import fmean, median
 import bpy
 import numpy as np
 
-from ....operators.cycles.camera_render import combined_light
 from ....operators.cycles.scene_copy import looking_through
 from ....operators.pipeline.lit_octree import OctreeOverrides, build_lit_octree
 from ....operators.scene_access.overrides import changed
@@ -24,8 +23,8 @@ from ....operators.session import results
 from ....operators.session.keep import keep
 from ....operators.session.scene_result import SceneResult
 from ....operators.settings.job_settings import JobSettings
+from ....patchnet_addon.image.cycles_passes import combined_light
 from ....patchnet_addon.image.exr import read_exr
-from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.stage_clock import StageClock
 from ....patchnet_addon.surface.textures import luminance
@@ -195,5 +194,4 @@ def _seen(scene: bpy.types.Scene, engine: str, path: Path) -> np.ndarray:
 
 def _render(scene: bpy.types.Scene, engine: str, **how: bool) -> None:
     scene.render.engine = engine
-    with interrupts_wait():
-        bpy.ops.render.render(scene=scene.name, **how)
+    bpy.ops.render.render(scene=scene.name, **how)

@@ -103,7 +103,7 @@ def _measured(
     from ....commands.shared.scene_argument import open_or_build
     from ....operators.scene.render_geometry import hide_from_renders
     from ....patchnet_addon.octree.file import load_octree
-    from ....patchnet_addon.surface.shading import AXES
+    from ....patchnet_addon.surface.mesh import AXES
     from ...evaluation.catalogue import scene_octree
     from ...evaluation.codes import kept_codes
     from ...evaluation.cycles_reference import spread_cameras

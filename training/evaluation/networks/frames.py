@@ -22,7 +22,6 @@ from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.strategy import CHILD_MASK, CUBE_SIDE, NORMAL, Strategy
 from ....patchnet_addon.sampling.trace import trace_view
 from ....patchnet_addon.tracing.camera import Camera
-from ....patchnet_addon.tracing.render import ray_up
 from ....patchnet_addon.tracing.supersample import supersample
 
 NEEDS = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE})
@@ -48,8 +47,7 @@ def gbuffer(buffers: PixelBuffers) -> np.ndarray:
     planes[LUMINANCE] = buffers.preview
     planes[MASK] = hit
     # Normals in the frames of the rays, facing the viewer.
-    up = ray_up(hits.direction, hits.camera_up)
-    axes = np.stack([np.cross(hits.direction, up), up, -hits.direction])  # (3, P, 3)
+    axes = np.stack([np.cross(hits.direction, hits.up), hits.up, -hits.direction])  # (3, P, 3)
     turned = np.einsum("apc,pc->ap", axes, buffers.normal)
     planes[NORMALS] = np.where(turned[2] < 0.0, -turned, turned)
     planes[DISTANCE] = np.where(hit, hits.t_world, 0.0) / buffers.cube_side_world

@@ -19,7 +19,6 @@ import torch
 
 from ....patchnet_addon.network.devices import enough_memory, found_device
 from ....patchnet_addon.runtime.errors import PatchNetError
-from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.sampling.pixel_buffers import active_pixels
 from ...run.learner import Resumable
@@ -130,8 +129,7 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
             crops = batch_of_crops(
                 frames, learner.network, batch=batch, crop=crop, seed=settings.seed, step=learner.steps
             )
-            # Interrupts wait, so that checkpoints contain whole steps.
-            with enough_memory("batches of this size (--batch)"), interrupts_wait():
+            with enough_memory("batches of this size (--batch)"):
                 log.add(learner.step(crops))
             learner.seconds = time.monotonic() - before
             if learner.steps % options.log_steps == 0 or learner.steps == end:
@@ -145,7 +143,7 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
                 _save(learner, run, options, len(frames))
                 saved = time.monotonic()
             yield Progress(learner.steps, end, "Training")
-    except (KeyboardInterrupt, GeneratorExit):  # stopped by the user, to be resumed
+    except GeneratorExit:  # stopped, to be resumed
         _save(learner, run, options, len(frames))
         raise
     return _save(learner, run, options, len(frames))

@@ -19,7 +19,6 @@ from .....operators.demo_scene.geometry import add_object, box, join, place
 from .....operators.demo_scene.materials import principled
 from .....patchnet_addon.runtime.errors import OutputError
 from .....patchnet_addon.runtime.file_kinds import FileKind
-from .....patchnet_addon.runtime.interrupt import interrupts_wait
 from .....patchnet_addon.runtime.replace import replaced_path
 from .floor_plan import FloorPlan, Placement
 from .kinds import SITTING, Stock, kind_of
@@ -136,8 +135,7 @@ def save_composed(path: Path, kind: FileKind) -> None:
     with tempfile.TemporaryDirectory(prefix="patchnet-") as folder, replaced_path(path, kind) as temporary:
         made = Path(folder) / f"scene{kind.endings[0]}"
         try:
-            with interrupts_wait():
-                _write(made)
+            _write(made)
         except RuntimeError as cause:
             raise OutputError(f"{path} cannot be written ({cause}): choose another folder or make room") from cause
         shutil.copyfile(made, temporary)

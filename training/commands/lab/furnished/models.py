@@ -16,7 +16,6 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .....patchnet_addon.runtime.interrupt import interrupts_wait
 from .library import LibraryFileError, Piece, keep_own_textures, opened_archive, unpack_folder
 
 # Models of libraries have y up and face +z.
@@ -57,8 +56,7 @@ def _imported(piece: Piece, path: Path) -> bpy.types.Mesh:
     """Import a file as one mesh without an object; its other data is removed."""
     before = set(bpy.data.objects)
     try:
-        with interrupts_wait():
-            bpy.ops.wm.obj_import(filepath=str(path), forward_axis="Y", up_axis="Z", use_split_objects=False)
+        bpy.ops.wm.obj_import(filepath=str(path), forward_axis="Y", up_axis="Z", use_split_objects=False)
     except RuntimeError as cause:
         raise _damaged(piece) from cause
     found = [item for item in bpy.data.objects if item not in before]

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
-from .....operators.demo_scene import textures
+from .....operators.computing import demo_textures as textures
 from .....operators.demo_scene.geometry import Shape, ball, box, join, lathe, place, tube
-from .....operators.demo_scene.materials import principled
+from .....operators.demo_scene.materials import principled, to_image
 from .....operators.demo_scene.plants import bush
 from . import kinds
 from .library import Piece
@@ -59,8 +59,8 @@ def _keep_leaf_coordinates(mesh: bpy.types.Mesh, parts: list[_Part]) -> None:
 
 
 def _materials(rng: np.random.Generator) -> dict[str, bpy.types.Material]:
-    grain = textures.to_image("Own wood", textures.wood(rng, (0.80, 0.80, 0.80)))
-    leaves = textures.to_image("Own leaves", textures.sprig(rng, _GREENS, 5, 0.18, 0.40))
+    grain = to_image("Own wood", textures.wood(rng, (0.80, 0.80, 0.80)))
+    leaves = to_image("Own leaves", textures.sprig(rng, _GREENS, 5, 0.18, 0.40))
     return {
         "wood": principled("Own wood", tuple(rng.uniform((0.4, 0.28, 0.2), (0.75, 0.58, 0.42))), grain),
         "metal": principled("Own metal", (0.25, 0.25, 0.27), roughness=0.6),

@@ -10,9 +10,9 @@ from itertools import pairwise
 import bpy
 import numpy as np
 
-from .....operators.demo_scene import textures
+from .....operators.computing import demo_textures as textures
 from .....operators.demo_scene.geometry import Shape, box, join, place
-from .....operators.demo_scene.materials import principled
+from .....operators.demo_scene.materials import principled, to_image
 from .floor_plan import FloorPlan
 from .plans import Opening
 
@@ -26,7 +26,7 @@ def build_shell(
 ) -> None:
     """Build floor, ceiling and four walls around a room's plan, closed except for its openings."""
     x, y = plan.width / 2 + _WALL, plan.depth / 2 + _WALL
-    planks = principled("Planks", image=textures.to_image("Planks", _planks(rng)), roughness=0.7)
+    planks = principled("Planks", image=to_image("Planks", _planks(rng)), roughness=0.7)
     white = principled("White paint", (0.93, 0.92, 0.90))
     place(collection, "Floor", box((-x, -y, -_WALL), (x, y, 0.0)), planks, repeat=2.0)
     place(collection, "Ceiling", box((-x, -y, plan.height), (x, y, plan.height + _WALL)), white)
@@ -124,7 +124,7 @@ _PICKET, _PITCH = 0.014, 0.11
 def build_yard(collection: bpy.types.Collection, plan: FloorPlan, rng: np.random.Generator) -> None:
     """Build lawn, path, grass and fence of a garden's plan."""
     x, y = plan.width / 2 + 0.4, plan.depth / 2 + 0.4
-    lawn = principled("Lawn", image=textures.to_image("Lawn", textures.plaster(rng, (0.34, 0.46, 0.22), 512)))
+    lawn = principled("Lawn", image=to_image("Lawn", textures.plaster(rng, (0.34, 0.46, 0.22), 512)))
     place(collection, "Lawn", box((-x, -y, -0.1), (x, y, 0.0)), lawn, repeat=4.0)
     place(collection, "Grass", _grass(plan, rng), principled("Grass", (0.30, 0.48, 0.18)))
     place(collection, "Path", _path(plan, rng), principled("Slabs", (0.66, 0.63, 0.58)))

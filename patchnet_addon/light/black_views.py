@@ -9,29 +9,43 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....patchnet_addon.runtime.bounds import MAX_DEPTH
-from ....patchnet_addon.runtime.progress import drain
-from ....patchnet_addon.runtime.quantities import named_list
-from ....patchnet_addon.surface.mesh import Fragments, ShadingFn
-from ....patchnet_addon.surface.scene_mesh import SceneMesh
-from ...schema.values import GLOSS_OFF
+from ..octree.grid import Grid
+from ..runtime.bounds import MAX_DEPTH
+from ..runtime.progress import Progress, Steps, drain
+from ..runtime.quantities import named_list
+from ..surface.mesh import Fragments, ShadingFn
+from ..surface.scene_mesh import SceneMesh
+from ..surface.textures import LEAST_BASE
+from ..tracing.camera import Camera
+from .chosen_surfels import ChosenSurfels
 
 if TYPE_CHECKING:
-    from ....patchnet_addon.light.light_cells import LightCells
-    from ....patchnet_addon.light.surface_light import SurfaceLight
-    from .bake_job import BakeJob, ChosenSurfels
+    from .light_cells import LightCells
 
 _DARK = 1e-5  # of the brightest light: black in any picture
 _LIT = 1e-3  # of the light on the other side
 _MOST_CAMERAS, _SIZE_PX = 16, (48, 36)
 
 
-def black_views(job: BakeJob, chosen: ChosenSurfels, light: LightCells, lit: SurfaceLight) -> dict[str, str]:
+def black_views(
+    source: SceneMesh,
+    grid: Grid,
+    cameras: Sequence[Camera],
+    chosen: ChosenSurfels,
+    light: LightCells,
+    shade: ShadingFn,
+    *,
+    lookahead: int,
+    without_gloss: bool,
+    lost: Sequence[str] = (),
+) -> Steps[dict[str, str]]:
     """Reason for each camera, by name, whose whole surface in view is black; none for others.
 
-    Only the first cameras of a job are asked.
+    Only the first cameras are asked. chosen: the baked surfels of the source, in the octree's grid. light: of their
+    cells, shade: of fragments. lookahead: levels, of the weights in use. without_gloss: no gloss was baked. lost:
+    sentences about what else was not baked.
     """
-    from ....patchnet_addon.light.seen_cells import seen_cells
+    from .seen_cells import seen_cells
 
     reasons: dict[str, str] = {}
     radiance = light.radiance[: len(chosen.surfels)]
@@ -39,8 +53,9 @@ def black_views(job: BakeJob, chosen: ChosenSurfels, light: LightCells, lit: Sur
     starts, _ = _spans(chosen.surfels["leaf"])
     order = np.argsort(starts)
     starts = starts[order]
-    for camera in job.cameras[:_MOST_CAMERAS]:
-        steps = seen_cells(chosen.nodes, job.clipped.grid, [camera.with_size(*_SIZE_PX)], lookahead=job.lookahead)
+    for number, camera in enumerate(cameras[:_MOST_CAMERAS]):
+        yield Progress(number, len(cameras[:_MOST_CAMERAS]), "Looking for light")
+        steps = seen_cells(chosen.nodes, grid, [camera.with_size(*_SIZE_PX)], lookahead=lookahead)
         # Rays of a large picture's thumbnail may end above its leaves.
         first, last = (
             np.bincount(np.searchsorted(starts, ends), minlength=len(starts) + 1) for ends in _spans(drain(steps).cells)
@@ -48,7 +63,7 @@ def black_views(job: BakeJob, chosen: ChosenSurfels, light: LightCells, lit: Sur
         mine = order[np.cumsum(first - last)[:-1] > 0]
         mine = mine[chosen.surfels["pixels"][mine] > 0.0]
         if len(mine) and radiance[mine].max() <= _DARK * brightest:
-            reasons[camera.name] = _reason(job, chosen, mine, lit)
+            reasons[camera.name] = _reason(source, chosen, mine, shade, lost, without_gloss)
     return reasons
 
 
@@ -59,20 +74,24 @@ def _spans(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return keys << below, (keys + np.uint64(1)) << below
 
 
-def _reason(job: BakeJob, chosen: ChosenSurfels, mine: np.ndarray, lit: SurfaceLight) -> str:
+def _reason(
+    source: SceneMesh,
+    chosen: ChosenSurfels,
+    mine: np.ndarray,
+    shade: ShadingFn,
+    lost: Sequence[str],
+    without_gloss: bool,
+) -> str:
     """Reason why surfels (n,) are black."""
-    from ....patchnet_addon.surface.textures import LEAST_BASE
-
-    surfels, source = chosen.surfels[mine], job.source
+    surfels = chosen.surfels[mine]
     names = source.objects_of(surfels["triangle"])
     material = chosen.surface.material[mine]
     base = chosen.surface.base[mine, 0]
-    without_gloss = job.light.gloss == GLOSS_OFF
     shows_gloss_alone = np.array([gloss.is_glossy for gloss in source.gloss], bool)[material] & without_gloss
     if np.mean((base <= LEAST_BASE) | ~chosen.surface.is_filtered[mine] | shows_gloss_alone) > 0.5:
-        return _black_material(source, names, material, without_gloss, lit.warnings)
+        return _black_material(source, names, material, without_gloss, lost)
     objects = named_list(name for name, _ in Counter(names.tolist()).most_common())
-    own, other = _both_sides(source, surfels, lit.shade)
+    own, other = _both_sides(source, surfels, shade)
     if np.median(other) > 0.0 and np.median(own) <= _LIT * np.median(other):
         return f"light falls on the other side of {objects} alone, in Cycles too"
     return f"no light of the scene reaches {objects}; add light, or look at the lamps' strength and visibility"

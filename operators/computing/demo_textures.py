@@ -5,22 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import bpy
 import numpy as np
 
 Colour = Sequence[float]
-
-
-def to_image(name: str, pixels: np.ndarray) -> bpy.types.Image:
-    """Packed 8 bit image of pixels (height, width, 3 or 4) in [0, 1], first row at the bottom."""
-    height, width, channels = pixels.shape
-    rgba = np.ones((height, width, 4), np.float32)
-    rgba[..., :channels] = np.clip(pixels, 0, 1)
-    image = bpy.data.images.new(name, width, height, alpha=channels == 4)
-    image.pixels.foreach_set(rgba.ravel())
-    image.update()
-    image.pack()
-    return image
+LEAVES = "Leaves "  # prefix of materials and images that cut leaves
 
 
 def noise(rng: np.random.Generator, size: int, slope: float = 1.4, stretch: float = 1.0) -> np.ndarray:
@@ -121,3 +109,31 @@ def _leaf(
     vein = np.abs(across) < 0.018
     tone = colour * (0.86 + 0.22 * along[..., None] + 0.10 * (across > 0)[..., None]) * (1 + 0.25 * vein[..., None])
     picture[inside, :3], picture[inside, 3] = tone[inside], 1.0
+
+
+def courtyard_pictures(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Textures of the courtyard by image name."""
+    return {
+        "Plaster": plaster(rng, (0.93, 0.87, 0.76)),
+        "Bricks": bricks(rng),
+        "Stone": plaster(rng, (0.79, 0.75, 0.68), 512),
+        "Wood": wood(rng, (0.80, 0.80, 0.80)),
+        "Glazed tiles": glazed_tiles(),
+        "Linen": linen(rng),
+    } | _leaf_pictures(rng)
+
+
+def _leaf_pictures(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Textures whose alpha cuts leaves out of cards."""
+    green = [(0.27, 0.45, 0.16), (0.34, 0.53, 0.20), (0.22, 0.38, 0.15)]
+    pictures = {
+        "citrus": sprig(rng, green, 4, 0.22, 0.42),
+        "olive": sprig(rng, [(0.50, 0.56, 0.40), (0.42, 0.50, 0.34), (0.60, 0.64, 0.48)], 7, 0.11, 0.40),
+        "fern": sprig(rng, [(0.36, 0.58, 0.22), (0.42, 0.63, 0.26)], 14, 0.10, 0.46),
+        "bougainvillea": sprig(
+            rng, [(0.84, 0.16, 0.50), (0.92, 0.28, 0.60), (0.74, 0.12, 0.46), (0.88, 0.22, 0.52)], 3, 0.40, 0.40
+        ),
+        "geranium": sprig(rng, [(0.86, 0.14, 0.13), (0.93, 0.24, 0.18), (0.78, 0.10, 0.14)], 5, 0.44, 0.30),
+        "lavender": sprig(rng, [(0.50, 0.40, 0.74), (0.58, 0.47, 0.80), (0.45, 0.52, 0.38)], 9, 0.16, 0.20),
+    }
+    return {f"{LEAVES}{key}": pixels for key, pixels in pictures.items()}

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....patchnet_addon.surface.scene_mesh import SceneMesh
-from ....patchnet_addon.surface.triangles import triangle_areas_and_normals
-from ....patchnet_addon.tracing.camera import Camera
+from ..surface.scene_mesh import SceneMesh
+from ..surface.sides import LIT_BACK, LIT_BOTH, LIT_FRONT, faces_of
+from ..surface.triangles import triangle_areas_and_normals
+from ..tracing.camera import Camera
 
-if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
-    from ....patchnet_addon.light.sheets import Sheets
+if TYPE_CHECKING:
+    from .sheets import Sheets
 
 _MOST_HOLDERS = 256  # placed meshes, the largest ones, that may hold others
 
@@ -24,8 +25,7 @@ def placed_sheets(source: SceneMesh, cameras: Sequence[Camera], two_sided: np.nd
     Closed sheets get it outside, or inside if a camera is there; without cameras also inside if other objects are
     there. Open ones, and those of `two_sided` (M,) materials, get it on both sides.
     """
-    from ....patchnet_addon.light.sheets import Sheets, add_volumes
-    from ....patchnet_addon.surface.sides import LIT_BACK, LIT_BOTH, LIT_FRONT, faces_of
+    from .sheets import Sheets, add_volumes
 
     sheet, is_open, placement = _numbered(source)
     volumes, origin = np.zeros(len(is_open)), source.bounds_world.mean(axis=0)
@@ -45,7 +45,7 @@ def placed_sheets(source: SceneMesh, cameras: Sequence[Camera], two_sided: np.nd
 
 def _numbered(source: SceneMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(T,) int32, sheet of each placed triangle; (S,) bool, whether it is open; (S,) int64, number of its placement."""
-    from ....patchnet_addon.light.sheets import sheets_of
+    from .sheets import sheets_of
 
     numbers, is_open, placement, first, placed = [], [], [], 0, 0
     for part in source.parts:
@@ -63,7 +63,7 @@ def _places_of(
     cameras: Sequence[Camera], source: SceneMesh, sheet: np.ndarray, closed: np.ndarray, placement: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """(S,) bool each: sheets with a camera within, which only `closed` ones have, and with one outside."""
-    from ....patchnet_addon.light.sheets import add_solid_angles
+    from .sheets import add_solid_angles
 
     if not cameras:
         return _holds_others(source)[placement] & closed, np.ones(len(closed), bool)

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Preview a scene in a window, and note times, memory and gaps between timer events.
+
+    blender -p 0 0 1000 800 courtyard.blend -P smooth_window.py -- OUT NAME DEPTH
+
+Writes OUT/NAME.json. bench_window.py tells what it found.
+"""
+
+import importlib
+import statistics
+import sys
+import time
+from pathlib import Path
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).parent))
+import clicks
+from visits import PACKAGE, Visit, choose, module, press, running
+
+NAME, DEPTH = sys.argv[-2], int(sys.argv[-1])
+SETTINGS = {
+    "scope": "VISIBLE", "resolution": "DEPTH", "depth": DEPTH, "max_samples": 16, "cameras": "Middle",
+    "size": (480, 270),
+}  # fmt: skip
+_TICK_S = 0.002
+_MOST = 12  # gaps that are told
+
+visit = Visit(NAME)
+seen = visit.seen
+memory = importlib.import_module(f"{PACKAGE}.patchnet_addon.runtime.{'memory' if 'new' in NAME else 'heap'}")
+
+
+class Watch(bpy.types.Operator):
+    """Hears the events of a timer."""
+
+    bl_idname = "wm.patchnet_watch"
+    bl_label = "Watch"
+    times: list[tuple[float, str]] = []
+    peak = 0
+    on = True
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        self.timer = context.window_manager.event_timer_add(_TICK_S, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "TIMER":
+            job = module("jobs.job_operator").job_in_window()
+            label = job.display.progress.label if job.display else ""
+            Watch.times.append((time.monotonic(), label))
+            Watch.peak = max(Watch.peak, memory.resident_bytes() or 0)
+        return {"PASS_THROUGH"} if Watch.on else {"FINISHED"}
+
+
+def first(word: str) -> float | None:
+    """Seconds until a label holds a word."""
+    begun = Watch.times[0][0]
+    return next((round(at - begun, 3) for at, label in Watch.times if word in label), None)
+
+
+def redraws() -> clicks.Session:
+    """Gaps while nothing computes, but the window is drawn again and again, as for a job's progress and pictures."""
+    Watch.times.clear()
+    for _ in range(20):
+        yield 0.1
+        for area in clicks.window().screen.areas:
+            area.tag_redraw()
+    gaps_ms = [1000.0 * (b[0] - a[0]) for a, b in zip(Watch.times, Watch.times[1:], strict=False)]
+    return {"median_ms": statistics.median(gaps_ms), "longest_ms": max(gaps_ms)}
+
+
+def session() -> clicks.Session:
+    """The whole visit."""
+    bpy.utils.register_class(Watch)
+    choose(**SETTINGS)
+    yield 1.0
+    before = memory.resident_bytes()
+    with bpy.context.temp_override(window=clicks.window()):
+        bpy.ops.wm.patchnet_watch("INVOKE_DEFAULT")
+    seen["redraws"] = yield from redraws()
+    Watch.times.clear()
+    press("run_all")
+    yield from clicks.wait_for(lambda: not running(), "the job ends", 1200.0)
+    gaps = [(b[0] - a[0], a[1], b[1]) for a, b in zip(Watch.times, Watch.times[1:], strict=False)]
+    gaps_ms = [1000.0 * gap for gap, *_ in gaps]
+    seen["job_s"] = round(Watch.times[-1][0] - Watch.times[0][0], 2)
+    seen["baking_s"], seen["stand_in_s"] = first("Baking light"), first("Looking where")
+    seen["median_ms"], seen["longest_ms"] = statistics.median(gaps_ms), max(gaps_ms)
+    seen["above_50_ms"] = sum(gap > 50.0 for gap in gaps_ms)
+    seen["gaps"] = [(round(1000.0 * gap), *labels) for gap, *labels in sorted(gaps, reverse=True)[:_MOST]]
+    seen["memory_mb"] = {"before": before >> 20, "peak": Watch.peak >> 20}
+    yield 2.0
+    seen["memory_mb"]["after"] = memory.resident_bytes() >> 20
+    Watch.on = False
+    yield 0.2
+
+
+visit.play(session())
