@@ -32,7 +32,6 @@ from .transfer import ERROR, REPORT, BlenderExchange
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = __package__.removesuffix(".patchnet_addon.process")
-_SOCKET = "engine"
 _POLL_S = 0.004  # a window is drawn between two polls
 _START_S, _UNPACKING_S = 60.0, 600.0  # until the first call is accepted; if it may unpack wheels
 _STOP_S = 0.15  # for a step that is running
@@ -49,21 +48,25 @@ class EngineProcess:
         """Start it; raises EngineRefusedError."""
         self.exchange = BlenderExchange()
         self._stopping: list[Connection] = []
-        self._key, self._address = secrets.token_bytes(32), _address()
+        self._folder = tempfile.mkdtemp(prefix="patchnet-")  # only this user can open it
+        self._key, self._address = secrets.token_bytes(32), _address(self._folder)
         self._is_ready, self._begun_at = False, time.monotonic()
         self._others = other_versions_text(computes_with_own=True)
         flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal opens on Windows
         command = [_python(), "-I", str(Path(__file__).with_name("start_engine.py"))]
-        environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder())}
+        temporary = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._folder)  # goes with the process
+        environment = os.environ | temporary | {"PATCHNET_CACHE": str(user_cache_folder())}
         try:
             self._process = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment, creationflags=flags)
         except OSError as cause:
+            shutil.rmtree(self._folder, ignore_errors=True)
             raise EngineRefusedError(cause.strerror or str(cause)) from cause
-        settings = {"package": PACKAGE, "folder": str(ROOT), "path": sys.path, "address": self._address}
+        settings = {"package": PACKAGE, "folder": str(ROOT), "path": sys.path}
+        settings |= {"address": self._address, "own_folder": self._folder, "key": self._key.hex()}
         assert self._process.stdin is not None
         self._input = self._process.stdin
         with suppress(OSError):
-            self._input.write(json.dumps(settings | {"key": self._key.hex()}).encode() + b"\n")
+            self._input.write(json.dumps(settings).encode() + b"\n")
             self._input.flush()
 
     @property
@@ -126,8 +129,7 @@ class EngineProcess:
         """End the process at once."""
         self._process.kill()
         self._process.wait()
-        if self._address.endswith(_SOCKET):
-            shutil.rmtree(Path(self._address).parent, ignore_errors=True)
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     def leave(self) -> None:
         """Let the process end by itself, once it has finished what must be."""
@@ -142,7 +144,9 @@ class EngineProcess:
             except (OSError, EOFError) as cause:
                 limit_s = _UNPACKING_S if self._others else _START_S
                 if not self.is_alive or time.monotonic() - self._begun_at > limit_s:
-                    raise (self._gone() if self._is_ready else EngineRefusedError(self._why())) from cause
+                    error = self._gone() if self._is_ready else EngineRefusedError(self._why())
+                    self.end()
+                    raise error from cause
             else:
                 self._is_ready = True
                 _warn_once(self._others)
@@ -187,11 +191,11 @@ def _has_ended(connection: Connection, seconds: float) -> bool:
     return True
 
 
-def _address() -> str:
-    """Address that only this user can open."""
+def _address(folder: str) -> str:
+    """Address of the process: a socket in a folder, on Windows a pipe."""
     if os.name == "nt":
         return rf"\\.\pipe\patchnet-{os.getpid()}-{secrets.token_hex(8)}"
-    return str(Path(tempfile.mkdtemp(prefix="patchnet-")) / _SOCKET)
+    return str(Path(folder) / "engine")
 
 
 def _python() -> str:

@@ -42,8 +42,7 @@ def main() -> None:
     threading.Thread(target=engine.accept, args=(listener,), daemon=True).start()
     sys.stdin.buffer.read()
     engine.finish()
-    if os.name != "nt":
-        shutil.rmtree(Path(settings["address"]).parent, ignore_errors=True)
+    shutil.rmtree(settings["own_folder"], ignore_errors=True)
     os._exit(0)  # at once: kernels may be running
 
 
