@@ -48,7 +48,7 @@ class EngineProcess:
         """Start it; raises EngineRefusedError."""
         self.exchange = BlenderExchange()
         self._stopping: list[Connection] = []
-        self._folder = tempfile.mkdtemp(prefix="patchnet-")  # only this user can open it
+        self._folder = tempfile.mkdtemp(prefix="patchnet-engine-")  # only this user can open it
         self._key, self._address = secrets.token_bytes(32), _address(self._folder)
         self._is_ready, self._begun_at = False, time.monotonic()
         self._others = other_versions_text(computes_with_own=True)

@@ -218,10 +218,12 @@ for _ in range(10):
 def test_it_ends_with_its_owner(end: str, lasts: bool, tmp_path: Path) -> None:
     file = tmp_path / "file"
     code = ENDING.format(path=sys.path, file=str(file), lasts=lasts, end=end)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    temporary = os.environ | {"TMPDIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=temporary)
     pid = int(done.stdout)
     assert ends_within(pid, 20.0), done.stderr
     assert file.exists() == lasts
+    assert [path for path in tmp_path.iterdir() if path != file] == [], "its folder goes with it"
 
 
 def test_ten_owners_have_ten_engines(tmp_path: Path) -> None:
