@@ -34,7 +34,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = __package__.removesuffix(".patchnet_addon.process")
 _POLL_S = 0.004  # a window is drawn between two polls
 _START_S, _UNPACKING_S = 60.0, 600.0  # until the first call is accepted; if it may unpack wheels
-_STOP_S = 0.15  # for a step that is running
+_STOP_S = 0.1  # for a step that is running
 
 
 class EngineRefusedError(Exception):

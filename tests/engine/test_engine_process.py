@@ -12,14 +12,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.codes.encode import encode_octree
+from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.process import client
 from patchnet.patchnet_addon.process import computed as process
 from patchnet.patchnet_addon.process.computed import answer, computed, engine_pid, settle
 from patchnet.patchnet_addon.process.segments import segment_of
 from patchnet.patchnet_addon.runtime import threads
+from patchnet.patchnet_addon.runtime.compiling import NOTE
 from patchnet.patchnet_addon.runtime.errors import EngineGoneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.tests.engine import process_work as work
+from patchnet.tests.engine.octree_samples import random_octree
 
 AT = Progress(0, 1, "Working")
 
@@ -181,6 +185,19 @@ def test_a_long_step_is_killed() -> None:
     begun = time.monotonic()
     assert answer(len, [1]) == 1
     assert time.monotonic() - begun < 5.0, "0.1 s, beside other processes"
+
+
+@pytest.mark.usefixtures("engine")
+def test_a_compiling_step_is_killed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(client, "user_cache_folder", lambda: tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # no kernels are copied from there
+    steps = computed(encode_octree, random_octree(), load_weights(), at=AT)
+    assert any(report.note == NOTE for report in steps)
+    begun, pid = time.monotonic(), engine_pid()
+    steps.close()
+    settle()
+    assert time.monotonic() - begun < 2.0, "0.2 s, beside other processes"
+    assert pid is not None and not is_running(pid)
 
 
 @pytest.mark.usefixtures("engine")
