@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.process.computed import computed
+from ...patchnet_addon.process.computed import computed, wait_for_step
 from ...patchnet_addon.runtime.errors import StoppedError
 from ...patchnet_addon.runtime.log import event
 from ...patchnet_addon.runtime.progress import Progress, Result, Steps
@@ -133,6 +133,7 @@ class _Output:
                 yield report
         finally:
             steps.close()
+            wait_for_step()  # else a stopped render would show half a batch
 
     def end(self) -> None:
         """Write the passes into the result."""

@@ -118,12 +118,14 @@ class EngineProcess:
 
     def settle(self) -> None:
         """Wait for the present steps of stopped calls, and end the process if one takes long."""
-        deadline = time.monotonic() + _STOP_S
-        for connection in self._stopping:
-            if not _has_ended(connection, max(0.0, deadline - time.monotonic())):
-                self.end()
-                break
+        if not self.has_settled(_STOP_S):
+            self.end()
         self._stopping = []
+
+    def has_settled(self, seconds: float) -> bool:
+        """Wait some seconds for the present steps of stopped calls; return whether all have ended."""
+        deadline = time.monotonic() + seconds
+        return all(_has_ended(each, max(0.0, deadline - time.monotonic())) for each in list(self._stopping))
 
     def end(self) -> None:
         """End the process at once."""

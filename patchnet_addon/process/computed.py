@@ -19,6 +19,7 @@ from ..runtime.progress import Progress, Steps, drain
 from .transfer import Remote
 
 _WORKING = Progress(0, 1, "Working")
+_STEP_S = 1.0  # longest usual step
 _SENT = 2  # reports, the first one before a call is sent
 
 
@@ -52,6 +53,12 @@ def settle() -> None:
     """Return when no stopped call computes any longer, after a tenth of a second at most."""
     if _Engine.process is not None:
         _Engine.process.settle()
+
+
+def wait_for_step() -> None:
+    """Return when no stopped call writes to shared memory any longer, after a second at most."""
+    if _Engine.process is not None:
+        _Engine.process.has_settled(_STEP_S)
 
 
 def release() -> None:
