@@ -11,13 +11,14 @@ import io
 import itertools
 import pickle
 import weakref
+from abc import ABC, abstractmethod
 from dataclasses import fields, is_dataclass
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from ..runtime.errors import EngineGoneError
-from .segments import Place, new_segment, opened, segment_of
+from .segments import Place, Segment, new_segment, opened, segment_of
 
 Value = TypeVar("Value")
 REPORT, RESULT, ERROR = "report", "result", "error"  # kinds of the engine's messages
@@ -59,20 +60,16 @@ class Packed(NamedTuple):
     numbers: list[int]
 
 
-class _Exchange:
+class _Exchange(ABC):
     """One side's knowledge of the objects that both have."""
 
+    @abstractmethod
     def number_to_send(self, thing: Any) -> tuple[int, bool] | None:
         """Number of an object with an identity, and whether the receiver has it; None to send it without one."""
-        raise NotImplementedError
 
+    @abstractmethod
     def found(self, number: int) -> Any:
         """Object of a number that the other side has sent."""
-        raise NotImplementedError
-
-    def keep(self, number: int, thing: Any) -> None:
-        """Keep an object that the other side has numbered."""
-        raise NotImplementedError
 
     def packed(self, thing: Any) -> Packed:
         """Message with a content."""
@@ -87,8 +84,9 @@ class _Exchange:
         """Content of a message."""
         message = Message(*pickle.loads(data))
         arrays = None if message.arrays is None else opened(message.arrays)
-        for number, payload in message.objects:
-            self.keep(number, _Unpickler(payload, arrays, self).load())
+        return self._content(message, arrays)
+
+    def _content(self, message: Message, arrays: Segment | None) -> Any:
         return _Unpickler(message.payload, arrays, self).load()
 
 
@@ -142,15 +140,20 @@ class EngineExchange(_Exchange):
         """As in the base; only remotes get numbers here."""
         number = self._numbers.get(id(thing))
         if number is None and isinstance(thing, Remote):
-            self.keep(number := next(self._remotes), thing)
+            self._keep(number := next(self._remotes), thing)
         return None if number is None else (number, True)
 
     def found(self, number: int) -> Any:
         """As in the base."""
         return self._objects[number]
 
-    def keep(self, number: int, thing: Any) -> None:
-        """As in the base; an object that two messages bring is kept once."""
+    def _content(self, message: Message, arrays: Segment | None) -> Any:
+        for number, payload in message.objects:
+            self._keep(number, _Unpickler(payload, arrays, self).load())
+        return super()._content(message, arrays)
+
+    def _keep(self, number: int, thing: Any) -> None:
+        """Keep an object; one that two messages bring is kept once."""
         if number not in self._objects:
             self._objects[number] = thing
             self._numbers[id(thing)] = number

@@ -83,7 +83,7 @@ class Baked:
     def fragments(self) -> LitFragments:
         """Light of all fragments, as the octree takes it."""
         found = answer(read_fragments, self.clipped, self.light.light)
-        return LitFragments(self.source.objects_of(found.triangle), *found)
+        return LitFragments(self.source.objects_of(found[0]), *found)
 
 
 def bake_job(

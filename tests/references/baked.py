@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from patchnet.patchnet_addon.light.light_bake import LightBake
@@ -16,33 +14,15 @@ from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
 from patchnet.tests.references.clip import parts_of
 
 
-class ReadFragments(NamedTuple):
-    """Fragments (F,): triangles of the surface, places (F, 3) and areas in the world, luminance, opacity, and luminance
-    (F, 2) of front and back.
-    """
-
-    triangle: np.ndarray
-    place: np.ndarray
-    area: np.ndarray
-    luminance: np.ndarray
-    opacity: np.ndarray
-    sides: np.ndarray
-
-
-class ReadSurfels(NamedTuple):
-    """Surfels (N,) SURFEL and their places (N, 3) in the world."""
-
-    surfels: np.ndarray
-    place: np.ndarray
-
-
 def clip_evenly(source: SceneMesh, grid: Grid, color: bool) -> Remote[ClippedSurface]:
     """Cut a surface into leaves of one level."""
     return Remote(ClippedSurface(source, grid, color=color))
 
 
-def read_fragments(clipped: ClippedSurface, light: SurfaceLight) -> ReadFragments:
-    """Light of all fragments, as the octree takes it."""
+def read_fragments(clipped: ClippedSurface, light: SurfaceLight) -> tuple[np.ndarray, ...]:
+    """Light of F fragments, as the octree takes it: triangles (F,) of the surface, places (F, 3) and areas (F,) in the
+    world, luminance and opacity (F,), and luminance (F, 2) of front and back.
+    """
     parts = []
     for batch, fragments in parts_of(clipped):
         corners = batch.corners_world[fragments.triangle]
@@ -51,9 +31,9 @@ def read_fragments(clipped: ClippedSurface, light: SurfaceLight) -> ReadFragment
         luminance, opacity, _, lights, _ = light.shade(batch, fragments)
         triangle = fragments.triangle + batch.first_triangle
         parts.append((triangle, place, fragments.area_world, luminance, opacity, lights[..., 0]))
-    return ReadFragments(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
-def read_surfels(bake: LightBake) -> ReadSurfels:
+def read_surfels(bake: LightBake) -> tuple[np.ndarray, np.ndarray]:
     """All surfels of a bake."""
-    return ReadSurfels(bake.chosen.surfels, bake.chosen.surface.place)
+    return bake.chosen.surfels, bake.chosen.surface.place
