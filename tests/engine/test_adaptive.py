@@ -17,7 +17,7 @@ from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera, camera_part
 from patchnet.patchnet_addon.tracing.pixel_filter import BOX_FILTER, EVEN_FOOTPRINT, rook_places
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.patchnet_addon.tracing.supersample import spread_pixels, supersample, supersample_pixels
+from patchnet.patchnet_addon.tracing.supersample import spread_pixels
 from patchnet.tests.engine.octree_samples import random_octree
 
 CHOSEN = STRATEGIES["ss-variance"]
@@ -32,15 +32,6 @@ def colored(octree: Octree) -> Octree:
     return replace(octree, chroma=chroma)
 
 
-def test_coverage_is_the_share_of_rays_that_hit() -> None:
-    octree, eye = random_octree(), camera()
-    every = np.arange(eye.pixel_count)
-    white = replace(octree, luminance=np.full_like(octree.luminance, 65535))
-    coverage = supersample_pixels(octree, eye, every, 4).coverage
-    np.testing.assert_allclose(coverage, drain(supersample(white, eye, 4)).luminance, atol=1e-6)
-    assert ((coverage > 0.0) & (coverage < 1.0)).any()
-
-
 @pytest.mark.parametrize("kind", ["PERSP", ORTHOGRAPHIC])
 def test_a_part_of_a_camera_has_the_same_rays(kind: str) -> None:
     whole = Camera(**vars(camera()) | {"kind": kind, "shift_x": 0.3, "shift_y": -0.2})
@@ -53,19 +44,6 @@ def test_a_part_of_a_camera_has_the_same_rays(kind: str) -> None:
     assert camera_part(whole, 0, 0, 23, 17) is whole
     with pytest.raises(SettingError, match="render border"):
         camera_part(whole, 4, 3, 0, 11)
-
-
-@pytest.mark.parametrize("with_color", [False, True])
-def test_a_picture_in_bands_is_the_picture_at_once(with_color: bool) -> None:
-    octree, eye = random_octree(), camera()
-    octree = colored(octree) if with_color else octree
-    at_once, in_bands = (AdaptivePicture(octree, eye, CHOSEN) for _ in range(2))
-    drain(at_once.trace())
-    drain(in_bands.trace(Pace(band_pixels=50)))
-    np.testing.assert_array_equal(in_bands.ranking.buffers.hits.node, at_once.ranking.buffers.hits.node)
-    np.testing.assert_allclose(in_bands.ranking.score, at_once.ranking.score, atol=1e-6)
-    np.testing.assert_array_equal(in_bands.colors, at_once.colors)
-    assert (at_once.samples == 1).all()
 
 
 def test_the_most_urgent_pixels_come_first() -> None:

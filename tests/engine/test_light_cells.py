@@ -6,12 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.cells.hashing import row_of_key
 from patchnet.patchnet_addon.cells.morton import morton_decode
 from patchnet.patchnet_addon.light.cell_filter import STEPS
 from patchnet.patchnet_addon.light.light_cells import (
-    ANY_FACE,
-    ANY_SHEET,
     MIN_OPACITY,
     CellGrid,
     LightCells,
@@ -22,11 +19,10 @@ from patchnet.patchnet_addon.light.light_cells import (
 )
 from patchnet.patchnet_addon.light.rounds import picture_noise
 from patchnet.patchnet_addon.light.seen_cells import LEVEL_BITS, SeenCells, all_cells
-from patchnet.patchnet_addon.light.surfels import SURFEL, choose_surfels
+from patchnet.patchnet_addon.light.surfels import choose_surfels
 from patchnet.patchnet_addon.lod.fit import leaf_keys_of
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
-from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleMesh
 from patchnet.patchnet_addon.surface.sides import BACK
@@ -36,6 +32,7 @@ from patchnet.tests.references.surfels import Spot, all_neighbours, key_of, ligh
 
 from .light_samples import FLAT_GRID, NO_EYES, plain_surface, random_surface, sheets_on, square, sums_of, surfels_of
 from .mesh_samples import even, in_batches
+from .test_hashing import find_rows
 
 UP = 4  # face of a square that faces up
 
@@ -94,16 +91,10 @@ def test_as_loops_over_a_dictionary(filtered: bool, color: bool) -> None:
     assert found.tolist() == [i if place in expected else -1 for i, place in enumerate(own)] and (found < 0).any()
 
 
-@kernel
-def _find_rows(slots, keys, wanted, found):
-    for i in range(len(wanted)):
-        found[i] = row_of_key(slots, keys, wanted[i])
-
-
 def rows_of(cells: LightCells, keys: list[int] | np.ndarray) -> np.ndarray:
     """Rows of some keys among those in the slots, -1 for none."""
     found = np.empty(len(keys), np.int64)
-    _find_rows(cells.slots, cells.keys, np.array(keys, np.uint64), found)
+    find_rows(cells.slots, cells.keys, np.array(keys, np.uint64), found)
     return np.maximum(found, -1)
 
 
@@ -374,17 +365,6 @@ def test_without_light_there_are_no_cells(filtered: bool) -> None:
         cells = light_of(some, plain_surface(some, places[: len(some)]), sums, filtered=filtered)
         assert not cells.slots.any() and not cells.light.any() and not cells.radiance.any()
         assert len(cells.keys) == len(cells.light) == len(cells.noise) == len(cells.pixels) >= len(some)
-
-
-def test_pixels_of_a_mean_are_those_of_the_sheet_that_most_show() -> None:
-    """Of three sheets in one cell; their light is weighted by what they stand for."""
-    surfels = np.zeros(3, SURFEL)
-    surfels["cell"], surfels["sheet"], surfels["share"], surfels["pixels"] = 33, range(3), [1, 2, 5], [0.25, 9.0, 1.0]
-    light = np.repeat([[8.0], [4.0], [1.6]], 2, axis=1)
-    cells = light_of(surfels, plain_surface(surfels, np.zeros((3, 3))), sums_of(light), filtered=False)
-    rows = rows_of(cells, [key_of((33, 0, ANY_SHEET)), key_of((33, ANY_FACE, ANY_SHEET))])
-    assert cells.pixels[rows].tolist() == [9.0, 9.0]
-    np.testing.assert_allclose(cells.light[rows, 0], [3.0, 3.0], rtol=1e-6)
 
 
 @pytest.mark.parametrize("filtered", [False, True])

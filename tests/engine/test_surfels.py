@@ -25,7 +25,7 @@ from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
 from patchnet.patchnet_addon.surface.sides import BACK, FRONT
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.tests.references.clip import parts_of
-from patchnet.tests.references.surfels import face_reference, surfels_reference
+from patchnet.tests.references.surfels import surfels_reference
 
 from .light_samples import (
     FLAT_GRID,
@@ -38,7 +38,7 @@ from .light_samples import (
     surfels_of,
     thinned,
 )
-from .mesh_samples import box, even
+from .mesh_samples import even
 
 GRID = Grid((0.0, 0.0, 0.0), 1.0, 5)
 EYES = np.array([(0.5, 0.4, 0.45, 1.0), (2.0, -1.0, 0.7, 1.0), (0.6, 0.0, 0.8, 0.0)])
@@ -181,15 +181,6 @@ def test_eyes_of_cameras() -> None:
     eyes = eyes_of([camera, replace(camera, kind=ORTHOGRAPHIC)])
     np.testing.assert_allclose(eyes, [(1, 2, 3, 1), (0, -1, 0, 0)], atol=1e-12)
     assert eyes_of([]).shape == (0, 4)
-
-
-def test_faces_of_a_box_are_apart() -> None:
-    corners = box((0.2, 0.2, 0.2), (0.7, 0.7, 0.7))
-    surfels = surfels_of(TriangleMesh.from_arrays(corners), sheets_on(corners, np.zeros(12), 1))
-    edges = corners[:, 1:] - corners[:, :1]
-    faces = [face_reference(normal) for normal in np.cross(edges[:, 0], edges[:, 1])]
-    assert surfels["face"].tolist() == [faces[triangle] for triangle in surfels["triangle"]]
-    assert set(faces) == set(range(6))
 
 
 def test_cells_have_few_sheets() -> None:
