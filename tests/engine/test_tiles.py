@@ -47,6 +47,7 @@ def cameras(octree: Octree) -> list[Camera]:
         look("away", (2.0, 0.0, 0.0), (3.0, 0.0, 0.0)),
         replace(parallel, name="parallel"),
         replace(outside, clip_start=1.2 * side, clip_end=1.7 * side, name="clipped"),
+        replace(parallel, clip_start=1.6 * side, clip_end=2.1 * side, name="clipped parallel"),
     ]
 
 

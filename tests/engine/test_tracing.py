@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The compiled traversal against its NumPy reference; supersampling and colour."""
+"""Clipping, the contract of hits, supersampling, colour, and what is behind patches."""
 
 from dataclasses import replace
 
@@ -10,14 +10,14 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
-from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.ray_up import ray_up
 from patchnet.patchnet_addon.tracing.render import first_hits, seen_color
 from patchnet.patchnet_addon.tracing.supersample import behind_patches, supersample
-from patchnet.tests.references.first_hits import hits_of_pixels, supersampled_reference
+from patchnet.tests.references.first_hits import supersampled_reference
 from patchnet.tests.references.small import ray_up_reference
 
-SIZE = (24, 20)
+CAMERA = Camera.look_at(np.array([3.0, 2.2, 1.7]), np.zeros(3), size_px=(24, 20))
 
 
 def shade(batch, fragments):
@@ -33,50 +33,22 @@ def octree():
     return drain(build_octree(mesh, Grid.around(mesh.bounds_world, 6), shade, exposure=1.0))
 
 
-def cameras():
-    perspective = Camera.look_at(np.array([3.0, 2.2, 1.7]), np.zeros(3), size_px=SIZE, name="perspective")
-    inside = Camera.look_at(np.array([0.1, 0.05, 0.0]), np.array([1.0, 0.3, 0.2]), size_px=SIZE, name="inside")
-    axis = Camera.look_at(
-        np.array([0.013, -4.0, 0.017]), np.array([0.013, 0.0, 0.017]), size_px=SIZE, name="along an axis"
-    )
-    ortho = Camera(
-        np.array([0.0, 0.0, 4.0]), np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, 0, -1.0]),
-        1.3, 1.1, *SIZE, kind=ORTHOGRAPHIC, shift_x=0.1, name="orthographic",
-    )  # fmt: skip
-    clipped = replace(perspective, clip_start=3.6, clip_end=4.3, name="clipped")
-    clipped_ortho = replace(ortho, clip_start=3.7, clip_end=4.2, name="clipped orthographic")
-    return [perspective, inside, axis, ortho, clipped, clipped_ortho]
-
-
 def test_clipping_takes_what_is_nearer_and_farther(octree):
     """Between planes along the view axis, to the accuracy of a voxel."""
-    camera = cameras()[0]
-    whole = first_hits(octree, camera)
+    whole = first_hits(octree, CAMERA)
     middle = float(np.median(whole.z_world[whole.hit]))
-    near, far = (first_hits(octree, replace(camera, **clip)) for clip in ({"clip_end": middle}, {"clip_start": middle}))
+    near, far = (first_hits(octree, replace(CAMERA, **clip)) for clip in ({"clip_end": middle}, {"clip_start": middle}))
     assert near.z_world[near.hit].max() <= middle * (1 + 1e-6)
     assert (near.hit == (whole.hit & (whole.z_world <= middle * (1 + 1e-6)))).mean() > 0.99
     assert far.hit.any() and far.z_world[far.hit].min() >= middle * (1 - 1e-6)
-    assert not first_hits(octree, replace(camera, clip_end=0.5)).hit.any()
-    assert not first_hits(octree, replace(camera, clip_start=50.0)).hit.any()
-
-
-@pytest.mark.parametrize("camera", cameras(), ids=lambda camera: camera.name)
-def test_walk_equals_reference(octree, camera):
-    hits = first_hits(octree, camera)
-    node, t = hits_of_pixels(octree, camera)
-    assert hits.hit.any()
-    np.testing.assert_array_equal(hits.hit, node >= 0)
-    np.testing.assert_allclose(hits.t_world[hits.hit], t[hits.hit] * octree.grid.side_world, rtol=1e-6, atol=1e-9)
-    # A ray through an edge may choose either neighbour; its distance is the same.
-    assert (hits.node == node).mean() > 0.995
+    assert not first_hits(octree, replace(CAMERA, clip_end=0.5)).hit.any()
+    assert not first_hits(octree, replace(CAMERA, clip_start=50.0)).hit.any()
 
 
 def test_contract_holds_at_every_hit(octree):
-    camera = cameras()[0]
-    hits = first_hits(octree, camera)
+    hits = first_hits(octree, CAMERA)
     side_voxel = octree.grid.side_world * 0.5 ** hits.level[hits.hit]
-    side_pixel = camera.pixel_side(hits.z_world[hits.hit])
+    side_pixel = CAMERA.pixel_side(hits.z_world[hits.hit])
     leaf = octree.child_mask[hits.node[hits.hit]] == 0
     assert (leaf | (side_voxel < 2 * side_pixel * (1 + 1e-6))).all()
     np.testing.assert_allclose(hits.ratio[hits.hit], np.clip(side_pixel / side_voxel, 0.5, 1), rtol=1e-5)
@@ -85,7 +57,7 @@ def test_contract_holds_at_every_hit(octree):
 
 @pytest.mark.parametrize("side", [2, 4, 9])
 def test_supersampling_equals_mean_of_reference_rays(octree, side):
-    camera = cameras()[0].with_size(6, 5)
+    camera = CAMERA.with_size(6, 5)
     picture = drain(supersample(octree, camera, side)).luminance
     expected, _ = supersampled_reference(octree, camera, side)
     np.testing.assert_allclose(picture, expected, atol=1e-6)
@@ -94,7 +66,7 @@ def test_supersampling_equals_mean_of_reference_rays(octree, side):
 def test_colour_of_pictures(octree):
     """Equal to the plain twin, with the luminance of the gray pictures to the bit."""
     chroma = np.random.default_rng(0).integers(0, 128, (octree.node_count, 2)).astype(np.uint8)
-    colored, camera = replace(octree, chroma=chroma), cameras()[0].with_size(9, 7)
+    colored, camera = replace(octree, chroma=chroma), CAMERA.with_size(9, 7)
     luminance, colors, _ = drain(supersample(colored, camera, 3))
     np.testing.assert_array_equal(luminance, drain(supersample(octree, camera, 3)).luminance)
     np.testing.assert_allclose(colors, supersampled_reference(colored, camera, 3)[1], atol=1e-5)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from patchnet.patchnet_addon.cells.leaf_boxes import FILLED_STEPS
 from patchnet.patchnet_addon.codes.brick import OCTANTS, corner_neighbours, voxel_blocks
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.codes.corner_cells import (
@@ -251,24 +250,6 @@ def outer_cells_reference(
     covered = np.where(outer, overlap * total / 16 / np.where(outer, area, 1) / ratio[:, None] ** 2, 0)
     shown = np.where(outer, (seen * met).sum(axis=-1) / total, 0)
     return covered.astype(np.float32), shown.astype(np.float32)
-
-
-def voxel_blocks_reference(
-    octree: Octree, level: int, cells: np.ndarray, lookahead: int = DEFAULT_LOOKAHEAD
-) -> np.ndarray:
-    """Blocks (N, s, s, s, 5) of the voxels at `cells` (N, 3) of a level, by looking every fine cell up on its own."""
-    side = 1 << lookahead
-    axis = np.arange(side)
-    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-    inner = np.stack([x, y, z], axis=-1).reshape(1, -1, 3)
-    fine = side * np.asarray(cells)[:, None, :] + inner  # (N, s^3, 3)
-    nodes = covering_nodes_reference(octree, level + lookahead, fine.reshape(-1, 3))
-    values = np.zeros((len(nodes), CHANNELS), np.float32)
-    there = nodes >= 0
-    values[there, 0] = octree.filled[nodes[there]] / np.float32(FILLED_STEPS)
-    values[there, 1] = octree.luminance_float(nodes[there])
-    values[there, 2:] = octree.normal_float(nodes[there])
-    return values.reshape(-1, side, side, side, CHANNELS)
 
 
 def corner_blocks_reference(
