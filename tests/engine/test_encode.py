@@ -46,21 +46,14 @@ def naive_code(weights, patch):
     return matrix.astype(np.float64) @ values + bias
 
 
-def has_descendants_two_levels_down(octree, node):
-    level = int(octree.level_of(np.array([node]))[0])
-    if level + 2 > octree.depth:
-        return False
-    cell = octree.cells(level)[node - octree.level_start[level]]
-    return bool((octree.cells(level + 2) >> 2 == cell).all(axis=1).any())
-
-
 def test_every_corner_has_the_code_of_its_patch(coded, octree, weights):
+    ahead = octree.look_ahead(2)
     for level in range(octree.depth + 1):
         dense = np.pad(dense_cells(octree, level + 2), ((4, 4), (4, 4), (4, 4), (0, 0)))
         for offset, cell in enumerate(octree.cells(level)):
             node = int(octree.level_start[level]) + offset
             row = coded.rows_of(node)
-            assert (row >= 0) == has_descendants_two_levels_down(octree, node)
+            assert (row >= 0) == ahead[node]
             if row < 0 or offset % 7:
                 continue
             for octant, corner in enumerate(corners_of(coded.corner_rows, row)):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -17,16 +16,16 @@ from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 
-GRID = Grid((-1.5, -1.5, -1.5), 3.0, 6)
+from .test_color import GRID, soup
+
 BRIGHTEST = 8.0
 
 
 def mesh(materials: tuple[Material, ...] = (Material("default"),)) -> TriangleMesh:
     """150 triangles; of two materials, one in seven has the second."""
-    rng = np.random.default_rng(0)
-    corners = rng.uniform(-1, 1, (150, 1, 3)) + rng.normal(size=(150, 3, 3)) * rng.uniform(0.01, 0.15, (150, 1, 1))
+    (batch,) = soup(np.arange(150), []).parts
     kinds = (np.arange(150) % 7 == 0).astype(np.int32) if len(materials) > 1 else np.zeros(150, np.int32)
-    return TriangleMesh((TriangleBatch(corners, np.zeros((150, 3, 2), np.float32), kinds, 0),), materials)
+    return TriangleMesh((replace(batch, materials=kinds),), materials)
 
 
 def shade(batch: TriangleBatch, fragments: Fragments) -> Shading:

@@ -24,6 +24,7 @@ from patchnet.tests.references.clip import piece_reference
 from patchnet.tests.references.lookups import box_bounds
 from patchnet.tests.references.small import boxes_reference
 
+from .mesh_samples import box
 from .octree_samples import random_octree, with_boxes
 from .test_tiles import assert_patch_rays, cameras
 from .test_voxelize import position_shade, soup, triangle
@@ -39,14 +40,16 @@ def test_boxes_of_the_clip_are_around_each_piece(corners):
     wanted = all_cells(6)
     keys, _, _, areas, *_, boxes = clip_triangles(corners[None], area, 0, 1, (0, 64), 64, wanted.near, wanted.block)
     assert area[0] < 1e-9 or len(keys)
-    for cell, piece_area, box in zip(morton_decode(keys), areas, unpacked(boxes).astype(int), strict=True):
-        assert (box & 15 <= box >> 4).all()
+    for cell, piece_area, found in zip(morton_decode(keys), areas, unpacked(boxes).astype(int), strict=True):
+        assert (found & 15 <= found >> 4).all()
         points = np.array([point for point, _ in piece_reference(corners, tuple(cell))])
         if len(points) == 0 or piece_area < 1e-12:  # touched in a point or a line: rounding decides how much is where
             continue
         expected = boxes_reference(points - cell).astype(int)
-        assert (np.abs((box & 15) - (expected & 15)) <= 1).all() and (np.abs((box >> 4) - (expected >> 4)) <= 1).all()
-        low, high = box_bounds(box)
+        assert (np.abs((found & 15) - (expected & 15)) <= 1).all() and (
+            np.abs((found >> 4) - (expected >> 4)) <= 1
+        ).all()
+        low, high = box_bounds(found)
         assert (low <= points.min(axis=0) - cell + 1e-6).all() and (high >= points.max(axis=0) - cell - 1e-6).all()
 
 
@@ -88,12 +91,7 @@ def test_hits_are_those_of_the_reference(adaptive):
 @pytest.mark.parametrize("boxes", [True, False])
 def test_a_thin_bar_is_as_wide_as_it_is(boxes):
     """A bar of 0.6 voxels across, from voxel to voxel, covers that share of the view, and two voxels without a box."""
-    low, high = np.array([-0.3, 0.1, -4.0]), np.array([0.3, 0.4, 4.0])
-    ends = np.array([[(i >> axis) & 1 for axis in range(3)] for i in range(8)])
-    faces = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
-    points = np.where(ends, high, low)
-    bar = points[[(a, b, c) for a, b, c, d in faces] + [(a, c, d) for a, b, c, d in faces]]
-    mesh = TriangleMesh.from_arrays(bar)
+    mesh = TriangleMesh.from_arrays(box((-0.3, 0.1, -4.0), (0.3, 0.4, 4.0)))
     octree = drain(
         build_octree(
             mesh, Grid((-8.0, -8.0, -8.0), 16.0, 4), position_shade, exposure=1.0, detail=LeafDetail(boxes=boxes)

@@ -61,6 +61,7 @@ def test_pixels_without_look_ahead_keep_what_they_show(octree, camera, lookahead
     ahead = np.zeros(octree.node_count, bool)
     for level in range(octree.depth + 1):
         ahead[octree.level(level)] = descendants(octree, level, lookahead)
+    np.testing.assert_array_equal(octree.look_ahead(lookahead), ahead)
     np.testing.assert_array_equal(found.look_ahead, hits.hit & ahead[np.maximum(hits.node, 0)])
     assert (found.coverage[~found.look_ahead] == 1).all()
     np.testing.assert_array_equal(found.luminance[~found.look_ahead], hits.luminance[~found.look_ahead])
