@@ -9,7 +9,6 @@ import pytest
 from patchnet.patchnet_addon.cells.morton import morton_decode
 from patchnet.patchnet_addon.light.cell_filter import STEPS
 from patchnet.patchnet_addon.light.light_cells import (
-    MIN_OPACITY,
     CellGrid,
     LightCells,
     SurfelSums,
@@ -328,19 +327,6 @@ def test_the_filter_keeps_surfaces_apart(apart: str) -> None:
     assert (abs(found.light[mine, 0].mean() - 4.0)) < 0.2
     if apart == "unfiltered":
         np.testing.assert_array_equal(found.noise[rows], plain.noise[rows])
-
-
-def test_light_behind_gaps_is_that_of_what_is_opaque() -> None:
-    surfels, places = wall(0.3)
-    surface = plain_surface(surfels, places, 0.25)
-    light = np.full((len(surfels), 2), 2.0)
-    opacity = np.random.default_rng(3).choice([1.0, 0.25, 1e-4], len(surfels))
-    cells = light_of(surfels, surface, sums_of(light, opacity), filtered=False)
-    found = rows_of(cells, cells.keys)
-    np.testing.assert_allclose(cells.light[found >= 0], 8.0, rtol=1e-6)
-    np.testing.assert_allclose(cells.radiance[found >= 0], 2.0, rtol=1e-6)
-    np.testing.assert_allclose(cells.noise, 0.0, atol=1e-3)
-    np.testing.assert_array_equal(found[: len(surfels)] < 0, opacity < MIN_OPACITY)
 
 
 @pytest.mark.parametrize("factor", [1e-9, 1e-6, 1e6])

@@ -21,6 +21,7 @@ from patchnet.patchnet_addon.surface.mesh import Material, Shading, Texture, Tri
 from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
 from patchnet.patchnet_addon.surface.texture_lookup import BaseColors
 from patchnet.patchnet_addon.surface.textures import TextureTable
+from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.supersample import behind_patches, supersample, supersample_pixels
@@ -32,7 +33,6 @@ from .octree_samples import random_octree
 SIZE = 40, 28
 GRID = Grid((0.0, 0.0, 0.0), 1.0, 6)
 WHITE = Material("white", (1.0, 1.0, 1.0))
-EVERY = np.arange(SIZE[0] * SIZE[1])
 
 
 def soup(count: int = 50, seed: int = 0) -> np.ndarray:
@@ -76,13 +76,19 @@ def seen(octree, camera, side: int = 1, finer: float = 64.0):
     return supersample_pixels(octree, camera, np.arange(camera.pixel_count), side, finer=finer)
 
 
-def reference(mesh: TriangleMesh, octree, camera: Camera):
-    """Hits of the rays through the pixels' centres."""
+def lights_of(mesh: TriangleMesh) -> np.ndarray:
+    """Luminance (T,) of white triangles in the two lights of the paper."""
+    normals = triangle_areas_and_normals(mesh.parts[0].corners_world)[1]
+    return np.abs(normals @ (0.36, -0.48, 0.8))
+
+
+def reference(mesh: TriangleMesh, octree, camera: Camera, begin: np.ndarray | float = 0.0):
+    """Hits of the rays through the pixels' centres, from the lengths `begin` (P,) on."""
     row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
     x, y = (2 * column + 1) / camera.width_px - 1, (2 * row + 1) / camera.height_px - 1
     origin, direction, _ = pixel_rays(octree, camera, x, y)
     corners = np.concatenate([part.corners_world for part in mesh.parts])
-    return nearest_triangles(octree.grid.to_unit(corners), origin, direction)
+    return nearest_triangles(octree.grid.to_unit(corners), origin + np.expand_dims(begin, -1) * direction, direction)
 
 
 def random_layout(seed: int) -> LeafLevels:
@@ -103,10 +109,7 @@ def test_rays_end_on_the_nearest_triangle(eye, kind, layout):
     if kind == "orthographic":
         camera = flat(camera, 0.5)
     nearest, *_ = reference(mesh, octree, camera)
-    edges = mesh.parts[0].corners_world[:, 1:] - mesh.parts[0].corners_world[:, :1]
-    normal = np.cross(edges[:, 0], edges[:, 1])
-    light = np.abs(normal @ (0.36, -0.48, 0.8)) / np.linalg.norm(normal, axis=1)
-    expected = np.where(nearest >= 0, light[nearest], 0.0)
+    expected = np.where(nearest >= 0, lights_of(mesh)[nearest], 0.0)
     means = seen(octree, camera)
     wrong = np.abs(means.luminance - expected) > 2e-3
     assert wrong.mean() < 2e-3, "but for rays through edges"
@@ -120,14 +123,8 @@ def test_rays_behind_patches_end_on_the_nearest_triangle_from_there():
     octree = exact(mesh, two_lights_shade(mesh))
     camera = Camera.look_at(np.array([-0.4, 1.4, 1.4]), np.array([0.5, 0.51, 0.48]), size_px=SIZE)
     hits = first_hits(octree, camera)
-    corners = octree.grid.to_unit(mesh.parts[0].corners_world)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    light = np.abs(normal @ (0.36, -0.48, 0.8)) / np.linalg.norm(normal, axis=1)
-    row, column = np.divmod(EVERY, SIZE[0])
-    origin, direction, _ = pixel_rays(octree, camera, (2 * column + 1) / SIZE[0] - 1, (2 * row + 1) / SIZE[1] - 1)
-    begin = np.where(hits.hit, hits.patch_end, 0.0)
-    nearest, *_ = nearest_triangles(corners, origin + begin[:, None] * direction, direction)
-    expected = np.where(hits.hit & (nearest >= 0), light[nearest], 0.0)
+    nearest, *_ = reference(mesh, octree, camera, np.where(hits.hit, hits.patch_end, 0.0))
+    expected = np.where(hits.hit & (nearest >= 0), lights_of(mesh)[nearest], 0.0)
     wrong = np.abs(behind_patches(octree, camera, hits).luminance - expected) > 2e-3
     assert wrong.mean() < 5e-3 and (expected > 0.0).mean() > 0.05
     boxes = behind_patches(octree.without_pieces(), camera, hits).luminance

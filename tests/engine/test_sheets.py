@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Connected sheets of meshes: consistent fronts, open boundaries, volumes, solid angles."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from patchnet.patchnet_addon.light.sheets import add_solid_angles, add_volumes, sheets_of
 from patchnet.patchnet_addon.surface.sides import faces_of
@@ -20,7 +22,7 @@ def halves(quads: list[tuple[int, ...]]) -> np.ndarray:
 
 
 def reference(vertices: np.ndarray, triangles: np.ndarray) -> tuple[list[set[int]], list[bool]]:
-    """Sheets by a search from triangle to triangle, edge by edge, and which are open."""
+    """Sheets as components of the graph of triangles that share an edge, and which are open."""
     places: dict[tuple[float, ...], int] = {}
     welded = [[places.setdefault(tuple(vertices[v].tolist()), len(places)) for v in row] for row in triangles]
     at: dict[frozenset[int], list[tuple[int, int]]] = defaultdict(list)
@@ -28,30 +30,17 @@ def reference(vertices: np.ndarray, triangles: np.ndarray) -> tuple[list[set[int
     for t in left:
         for i in range(3):
             at[frozenset((welded[t][i], welded[t][(i + 1) % 3]))].append((t, welded[t][i]))
-    sheets, boundary, met = [], [], set()
-    for start in left:
-        if start in met:
-            continue
-        sheet, todo, is_open = {start}, [start], False
-        while todo:
-            t = todo.pop()
-            for i in range(3):
-                users = at[frozenset((welded[t][i], welded[t][(i + 1) % 3]))]
-                if len(users) != 2 or users[0][1] == users[1][1]:
-                    is_open = True
-                    continue
-                (other,) = (u for u, _ in users if u != t)
-                if other not in sheet:
-                    sheet.add(other)
-                    todo.append(other)
-        met |= sheet
-        sheets.append(sheet)
-        boundary.append(is_open)
-    return sheets, boundary
+    joined = [users for users in at.values() if len(users) == 2 and users[0][1] != users[1][1]]
+    ends = np.array([[t for t, _ in users] for users in joined]).T
+    pairs = coo_array((np.ones(len(joined)), ends), shape=(len(triangles),) * 2)
+    component = connected_components(pairs, directed=False)[1]
+    sheets = [{t for t in left if component[t] == one} for one in np.unique(component[left])]
+    inside = Counter(t for users in joined for t, _ in users)  # edges of a triangle that lie within its sheet
+    return sheets, [any(inside[t] < 3 for t in sheet) for sheet in sheets]
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_as_a_search_finds_them(seed: int) -> None:
+def test_as_components_of_a_graph(seed: int) -> None:
     """Grids with holes, turned and doubled triangles, and triangles without area, on vertices of their own."""
     rng = np.random.default_rng(seed)
     side = 7

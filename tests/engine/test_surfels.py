@@ -8,7 +8,6 @@ import pytest
 
 from patchnet.patchnet_addon.light.seen_cells import SeenCells, all_cells, cells_of
 from patchnet.patchnet_addon.light.surfels import (
-    COARSE,
     MOST_SHEETS,
     SURFEL,
     choose_surfels,
@@ -225,21 +224,6 @@ def test_cameras_that_see_more_leave_other_cells_as_they_are() -> None:
     np.testing.assert_array_equal(coarse[0]["id"], coarse[1]["id"])
     common = np.isin(before["id"], after["id"])
     assert common.mean() > 0.8 and len(after) > len(before)
-
-
-def test_each_cell_has_one_surfel_of_each_face_and_sheet() -> None:
-    """Two squares, whose coarse cells are those of 16 x 16 leaves, and the fine ones those of 2 x 2."""
-    corners = np.concatenate([square(0.3), square(0.301)])
-    surfels = surfels_of(TriangleMesh.from_arrays(corners), sheets_on(corners, [0, 0, 1, 1], 0))
-    level = (surfels["cell"] & np.uint64(31)).astype(int)
-    up = FLAT_GRID.depth - level
-    assert set(up.tolist()) == {1, COARSE}
-    leaves = surfels["leaf"] >> np.uint64(5)
-    np.testing.assert_array_equal(surfels["cell"] >> np.uint64(5), leaves >> (3 * up).astype(np.uint64))
-    cells = {1: 26 * 26, COARSE: 4 * 4}  # from 0.1 to 0.9
-    for step, count in cells.items():
-        mine = surfels[up == step][["cell", "face", "sheet"]]
-        assert len(mine) == len(np.unique(mine)) == 4 * count
 
 
 def test_a_surface_of_gaps_has_no_surfels() -> None:
