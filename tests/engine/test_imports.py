@@ -16,6 +16,8 @@ from patchnet.patchnet_addon.runtime import kernels
 from patchnet.patchnet_addon.surface import polygon
 from patchnet.patchnet_addon.tracing.tile import ray_of
 
+from .source_imports import imported_by
+
 ROOT = Path(__file__).resolve().parents[2]
 RESEARCH = ROOT / "training/commands"  # may import all
 FORBIDDEN = {
@@ -65,22 +67,15 @@ def modules_of(part: str) -> list[Path]:
 
 
 @cache
-def imports_in(path: Path) -> list[ast.Import | ast.ImportFrom]:
-    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Import | ast.ImportFrom)]
+def imported(path: Path) -> list[tuple[str, Path | str, str]]:
+    """What all import statements of a module bind, those within functions too: see `imported_by`."""
+    nodes = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Import | ast.ImportFrom)]
+    return [found for node in nodes for found in imported_by(path, node)]
 
 
 def imported_parts(path: Path) -> set[str]:
-    """The top folders of this tree that a module imports, by relative imports or by the package's name."""
-    here = path.relative_to(ROOT).with_suffix("").parts
-    found = set()
-    for node in imports_in(path):
-        if isinstance(node, ast.ImportFrom):
-            base = here[: -node.level] if node.level else ()
-            module = (*base, *(node.module or "").split("."))
-            found |= {module[0] or alias.name for alias in node.names} if node.level else {module[0]}
-        else:
-            found |= {alias.name.partition(".")[0] for alias in node.names}
-    return found
+    """The top folders of this tree, and other packages, that a module imports."""
+    return {module if isinstance(module, str) else module.relative_to(ROOT).parts[0] for _, module, _ in imported(path)}
 
 
 def test_engine_and_training_import_without_blender() -> None:
@@ -115,14 +110,7 @@ def test_only_relative_imports(part: str) -> None:
 
 def imports_of(path: Path) -> set[Path]:
     """Modules of this tree that a module imports, by relative imports; a package is its `__init__.py`."""
-    found = set()
-    for node in imports_in(path):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            base = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
-            for alias in node.names:
-                candidates = (base / f"{alias.name}.py", base / alias.name / "__init__.py", base.with_suffix(".py"))
-                found |= {next((one for one in (*candidates, base / "__init__.py") if one.is_file()), path)}
-    return found - {path}
+    return {module for _, module, _ in imported(path) if isinstance(module, Path)} - {path}
 
 
 def circle(graph: dict[Path, set[Path]]) -> list[str]:
@@ -157,21 +145,10 @@ CHANGES = frozenset(
 )
 
 
-def imported_names(path: Path) -> tuple[set[str], set[str]]:
-    """Modules, and other names of modules of this tree, that a module imports."""
-    modules, others = set(), set()
-    for node in imports_in(path):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            base = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
-            for alias in node.names:
-                is_module = (base / f"{alias.name}.py").is_file() or (base / alias.name / "__init__.py").is_file()
-                (modules if is_module else others).add(alias.asname or alias.name)
-    return modules, others
-
-
 def written_elsewhere(path: Path) -> list[str]:
     """Statements of a module that assign to names of other modules or to their parts, or call what changes them."""
-    modules, others = imported_names(path)
+    names = [(bound, there) for bound, module, there in imported(path) if isinstance(module, Path)]
+    modules, others = ({bound for bound, there in names if bool(there) == is_name} for is_name in (False, True))
     found = []
     for node in ast.walk(ast.parse(path.read_text())):
         changed, least = None, 0

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from .source_imports import imported_by
+
 ROOT = Path(__file__).resolve().parents[2]
 THREADS = {"threading", "_thread", "concurrent.futures", "multiprocessing.pool", "asyncio"}
 NETWORK = {"socket", "ssl", "urllib", "http", "requests", "ftplib", "smtplib", "xmlrpc", "webbrowser"}
@@ -147,17 +149,8 @@ def imports_in(tree: ast.AST, *, inside: bool) -> Iterator[ast.Import | ast.Impo
 def imported(name: str, tree: ast.AST, *, inside: bool) -> Iterator[tuple[str, str, str]]:
     """Names that import statements of a module bind, their modules (paths in this tree, packages), and names there."""
     for node in imports_in(tree, inside=inside):
-        for alias in node.names:
-            bound = alias.asname or alias.name
-            if isinstance(node, ast.Import):
-                yield bound, alias.name.partition(".")[0], ""
-            elif not node.level:
-                yield bound, (node.module or "").partition(".")[0], alias.name
-            else:
-                base = (ROOT / name).parents[node.level - 1].joinpath(*(node.module or "").split("."))
-                paths = (base / f"{alias.name}.py", base / alias.name / "__init__.py", base.with_suffix(".py"))
-                found = next(path for path in (*paths, base / "__init__.py") if path.is_file())
-                yield bound, found.relative_to(ROOT).as_posix(), alias.name
+        for bound, module, there in imported_by(ROOT / name, node):
+            yield bound, module if isinstance(module, str) else module.relative_to(ROOT).as_posix(), there
 
 
 @cache
