@@ -13,8 +13,9 @@ from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.tests.references.lookups import box_bounds
 
 
-def _key(cell):
-    return sum(((axis >> bit) & 1) << (3 * bit + place) for bit in range(16) for place, axis in enumerate(cell))
+def plain_key(cell):
+    """Morton key of a cell (x, y, z), bit by bit."""
+    return sum(((axis >> bit) & 1) << (3 * bit + place) for bit in range(21) for place, axis in enumerate(cell))
 
 
 def _parent(place):
@@ -37,7 +38,7 @@ def octree_from_leaves(leaves, depth, side_world=1.0):
             parent += [area, *(area * np.array(rest))]
         for place in [place for place in nodes if place[0] == level - 1 and place not in leaves]:
             nodes[place][1:] /= nodes[place][0]
-    order = sorted(nodes, key=lambda place: (place[0], _key(place[1])))
+    order = sorted(nodes, key=lambda place: (place[0], plain_key(place[1])))
     index = {place: number for number, place in enumerate(order)}
     mask, first = np.zeros(len(order), np.uint8), np.zeros(len(order), np.uint32)
     for place in reversed(order[1:]):

@@ -128,12 +128,8 @@ def test_words(seconds: float, text: str) -> None:
     assert left_text(seconds) == ("" if seconds < 1.0 else f"about {text} left") and left_text(None) == ""
 
 
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
-
-
-def test_steady_steps(clock: Clock) -> None:
+def test_steady_steps() -> None:
+    clock = Clock()
     eta = Eta(clock)
     for done in range(5):
         clock.now = 10.0 * done
@@ -146,7 +142,8 @@ def test_steady_steps(clock: Clock) -> None:
     assert eta.seconds() == 0.0 and eta.text() == ""
 
 
-def test_a_whole_job_says_its_own_or_nothing(clock: Clock) -> None:
+def test_a_whole_job_says_its_own_or_nothing() -> None:
+    clock = Clock()
     eta = Eta(clock)
     eta.see(Progress(0, 100, "Baking", whole=0.1))
     clock.now = 10.0

@@ -14,23 +14,16 @@ from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.ray_up import ray_up
 from patchnet.patchnet_addon.tracing.render import first_hits, seen_color
 from patchnet.patchnet_addon.tracing.supersample import behind_patches, supersample
+from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.references.first_hits import supersampled_reference
 from patchnet.tests.references.small import ray_up_reference
 
-CAMERA = Camera.look_at(np.array([3.0, 2.2, 1.7]), np.zeros(3), size_px=(24, 20))
-
-
-def shade(batch, fragments):
-    tone = (np.arange(len(batch)) * 0.37 % 1.0).astype(np.float32)
-    return Shading(tone[fragments.triangle], np.ones(len(fragments), np.float32))
+CAMERA = Camera.look_at(np.array([2.0, 1.6, 1.35]), np.full(3, 0.5), size_px=(24, 20))
 
 
 @pytest.fixture(scope="module")
 def octree():
-    rng = np.random.default_rng(4)
-    corners = rng.uniform(-1, 1, (60, 1, 3)) + rng.normal(size=(60, 3, 3)) * 0.15
-    mesh = TriangleMesh.from_arrays(corners)
-    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, 6), shade, exposure=1.0))
+    return random_octree(seed=4, depth=6, count=2500)
 
 
 def test_clipping_takes_what_is_nearer_and_farther(octree):

@@ -9,7 +9,7 @@ from patchnet.patchnet_addon.cells.morton_kernels import cell_coordinate, cell_k
 from patchnet.patchnet_addon.octree.voxel_cloud import level_within, voxel_cloud, voxel_counts, voxel_runs
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.kernels import kernel
-from patchnet.tests.engine.octree_samples import dense_cells, random_octree
+from patchnet.tests.engine.octree_samples import dense_cells, plain_key, random_octree
 from patchnet.tests.references.lookups import node_at
 
 LEVELS = range(6)
@@ -78,10 +78,6 @@ def _there_and_back(cells, keys, back):
         keys[row] = cell_key(cells[row, 0], cells[row, 1], cells[row, 2])
         for axis in range(3):
             back[row, axis] = cell_coordinate(keys[row], axis)
-
-
-def plain_key(cell):
-    return sum((axis >> bit & 1) << (3 * bit + place) for bit in range(21) for place, axis in enumerate(cell))
 
 
 @pytest.fixture

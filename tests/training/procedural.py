@@ -97,9 +97,3 @@ def two_datasets(min_level: int, lookahead: int = 2) -> list[Dataset]:
         samples = drain(draw_samples(octree, 400, settings))
         found.append(Dataset(f"scene {seed}", octree, samples, {"settings": {"lookahead": lookahead}}))
     return found
-
-
-def draw_slats(folder: Path, count: int, settings: SampleSettings) -> Path:
-    """Draw samples of a small scene; returns their file."""
-    octree = spheres_and_slats(6, seed=4)
-    return save_drawn(folder, "slats", octree, drain(draw_samples(octree, count, settings)), settings)

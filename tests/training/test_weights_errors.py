@@ -10,19 +10,22 @@ import pytest
 from patchnet.patchnet_addon.network.kinds import MIXTURE, PAPER
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.references.lookups import node_at
-from patchnet.tests.training.procedural import draw_slats
+from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
 from patchnet.training.commands import main
 from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.dataset import load_dataset
-from patchnet.training.data.samples import SampleSettings
+from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.run.validation import _errors, all_of, weights_errors
 
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     settings = SampleSettings(views=4, min_level=3, held_out=0.3, seed=2)
-    return draw_slats(tmp_path_factory.mktemp("errors"), 600, settings)
+    octree = spheres_and_slats(6, seed=4)
+    samples = drain(draw_samples(octree, 600, settings))
+    return save_drawn(tmp_path_factory.mktemp("errors"), "slats", octree, samples, settings)
 
 
 @pytest.mark.parametrize("kind", [PAPER, MIXTURE])
