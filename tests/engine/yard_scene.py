@@ -14,13 +14,11 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.tests.engine.mesh_samples import box
 
 DEPTH = 9
 _GRAYS = (0.08, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95)
 _DARK, _BRIGHT = 0, len(_GRAYS) - 1
-_CORNERS = np.array([[k & 1, k >> 1 & 1, k >> 2] for k in range(8)]) - 0.5
-_SIDES = np.array([[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]])
-_FACES = np.concatenate([_SIDES[:, [0, 1, 2]], _SIDES[:, [0, 2, 3]]])
 
 Box = tuple[np.ndarray, int]
 """Triangles (12, 3, 3) in world units, and the index of their gray in `_GRAYS`."""
@@ -29,8 +27,8 @@ Box = tuple[np.ndarray, int]
 def yard_octree() -> Octree:
     """Octree of the yard in about a unit cube, lit by two lights; deterministic."""
     boxes = [_box((0.5, 0.5, 0.005), (1.0, 1.0, 0.01), 3), *_fences(), *_table(), *_scattered_boxes()]
-    corners = np.concatenate([box for box, _ in boxes])
-    materials = np.repeat(np.array([gray for _, gray in boxes], np.int32), len(_FACES))
+    corners = np.concatenate([triangles for triangles, _ in boxes])
+    materials = np.repeat(np.array([gray for _, gray in boxes], np.int32), len(boxes[0][0]))
     batch = TriangleBatch(corners, np.zeros((len(corners), 3, 2), np.float32), materials, 0)
     mesh = TriangleMesh((batch,), tuple(Material(f"gray {gray}", (gray,) * 3) for gray in _GRAYS))
     grid = Grid.around(mesh.bounds_world, DEPTH)
@@ -87,5 +85,5 @@ def _scattered_boxes(count: int = 260) -> list[Box]:
 
 
 def _box(place_world: ArrayLike, size_world: ArrayLike, gray: int, turn: np.ndarray | None = None) -> Box:
-    corners = _CORNERS * np.asarray(size_world) @ (np.eye(3) if turn is None else turn)
-    return (corners + np.asarray(place_world))[_FACES], gray
+    half = np.asarray(size_world) / 2
+    return box(-half, half) @ (np.eye(3) if turn is None else turn) + np.asarray(place_world), gray
