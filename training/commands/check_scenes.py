@@ -12,22 +12,20 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...commands.shared.arguments import add_number, add_out
+from ...commands.shared.arguments import add_out
 from ...commands.shared.job_arguments import require_blender
 from ...commands.shared.lines import say_result
-from .. import bounds
 
 if TYPE_CHECKING:
     from .checks.judge import Verdict
 
-SCENE, SMALL = "scene.blend", "small.blend"
+SCENE = "scene.blend"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("--seeds", type=_seeds, required=True, metavar="FIRST:LAST", help="seeds of the scenes")
     add_out(parser, "folder for a report, and for each wrong scene and its pictures")
-    add_number(parser, "--shrink", bounds.SHRUNK, "so many scenes, the worst, are shrunk while they stay wrong", 0)
 
 
 def _seeds(text: str) -> range:
@@ -41,30 +39,18 @@ def _seeds(text: str) -> range:
 def run(args: argparse.Namespace) -> int:
     """Judge the scenes, print a line for each and a table; returns 0; raises PatchNetError."""
     require_blender()
-    from ...patchnet_addon.runtime.errors import SettingError
-    from .checks.judge import WORDS, WRONG
+    from .checks.judge import WORDS
 
-    if args.shrink and args.out is None:
-        raise SettingError("--shrink writes scenes: name a folder with --out")
     verdicts: dict[int, Verdict] = {}
     for seed in args.seeds:
         verdicts[seed] = _judged(seed, args.out)
         print(f"{seed:>6} {verdicts[seed].word:<5} {verdicts[seed].why}", flush=True)
         if args.out is not None:
             _write_report(args.out, verdicts)
-    wrong = sorted(
-        (seed for seed in verdicts if verdicts[seed].word == WRONG), key=lambda seed: -verdicts[seed].short_db
-    )
-    for seed in wrong[: args.shrink]:
-        print(f"{seed:>6} small {_shrunk(args.out / _folder(seed))}", flush=True)
     counts = Counter(verdict.word for verdict in verdicts.values())
     table = ", ".join(f"{counts[word]} {word}" for word in WORDS)
     say_result(f"{len(verdicts)} scenes: {table}", **{word: counts[word] for word in WORDS})
     return 0
-
-
-def _folder(seed: int) -> str:
-    return f"seed-{seed}"
 
 
 def _judged(seed: int, out: Path | None) -> Verdict:
@@ -78,19 +64,20 @@ def _judged(seed: int, out: Path | None) -> Verdict:
         if verdict.word == WRONG and out is not None:
             if verdict.check is not None:  # judging may have changed it
                 build_random_scene(seed)
-            _write_wrong(out / _folder(seed), verdict)
+            _write_wrong(out / f"seed-{seed}", verdict)
     return verdict
 
 
 def _write_wrong(out: Path, verdict: Verdict) -> None:
     """Write the open scene, and report and pictures of its check, if there is one."""
+    import bpy
+
     from ...operators.pipeline.output_files import output_folder
     from ...operators.verify_light import check_files, save_check
     from ...patchnet_addon.runtime.file_kinds import BLEND
-    from .checks.shrink import save_scene
 
-    with output_folder(out, check_files(["Camera"]) | {SCENE: BLEND, SMALL: BLEND}) as folder:
-        save_scene(folder / SCENE)
+    with output_folder(out, check_files(["Camera"]) | {SCENE: BLEND}) as folder:
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / SCENE), copy=True, compress=True)
         if verdict.check is not None:
             save_check(verdict.check, folder, 0.2, {"Camera": "Camera"})
 
@@ -104,13 +91,3 @@ def _write_report(out: Path, verdicts: dict[int, Verdict]) -> None:
     ]
     out.mkdir(parents=True, exist_ok=True)
     write_report(out, "scene checks", {"seeds": rows, "versions": versions()})
-
-
-def _shrunk(folder: Path) -> str:
-    """Shrink the scene in a folder; returns the verdict on the small one and what it holds."""
-    from ...commands.shared.quiet import quiet_stdout
-    from .checks.shrink import contents, shrink
-
-    with quiet_stdout():
-        verdict = shrink(folder / SCENE, folder / SMALL)
-        return f"{verdict.why}: {contents(folder / SMALL)}"

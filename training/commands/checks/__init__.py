@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Random scenes of `patchnet check-scenes`: their maker, the judge of their light, and the shrinker of wrong ones."""
+"""Random scenes of `patchnet check-scenes`: their maker, and the judge of their light."""

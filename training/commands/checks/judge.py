@@ -34,22 +34,12 @@ _NAMED = re.compile(r"'([^']+)'")
 class Verdict:
     """Verdict on a scene.
 
-    word: one of WORDS. why: figures, note or error, in a line. short_db: by how much its PSNR falls short of what
-    counts as right; infinite for an unexpected error. check: figures and pictures, None after an error.
+    word: one of WORDS. why: figures, note or error, in a line. check: figures and pictures, None after an error.
     """
 
     word: str
     why: str
-    short_db: float = 0.0
     check: LightCheck | None = None
-
-    @property
-    def kind(self) -> str:
-        """Kind of what is wrong: an error, or a picture that is too dark or too bright."""
-        if self.check is None:
-            return self.why
-        seen = self.check.cameras[0]
-        return "dark" if float(np.clip(seen.octree, 0.0, 1.0).mean()) < float(seen.cycles.mean()) else "bright"
 
 
 def judge(make: Callable[[], None] | None = None, *, explained: bool = True) -> Verdict:
@@ -63,18 +53,18 @@ def judge(make: Callable[[], None] | None = None, *, explained: bool = True) -> 
         return Verdict(SAID, str(error))
     except Exception as error:  # noqa: BLE001  the next seed is judged all the same
         where = traceback.extract_tb(error.__traceback__)[-1]
-        return Verdict(WRONG, f"{error!r} in {Path(where.filename).name}:{where.lineno}", np.inf)
+        return Verdict(WRONG, f"{error!r} in {Path(where.filename).name}:{where.lineno}")
     short_db, dark_or_bright = shortfall(check.cameras[0])
     figures = check.report["cameras"][0]
     ratio = figures["mean_ratio_where_both_hit"]
     mean = "-" if ratio is None else f"{ratio:.3f}"
     why = f"{figures['psnr_db']:.1f} dB, ratio {mean}, noise {figures['reference_noise_db']:.1f} dB"
     if short_db <= 0.0 and not dark_or_bright:
-        return Verdict(RIGHT, why, short_db, check)
+        return Verdict(RIGHT, why, check)
     notes = check.report["warnings"]
     if explained and notes and _explains(notes):
-        return Verdict(SAID, f"{why}; {' '.join(notes)}", short_db, check)
-    return Verdict(WRONG, why, short_db, check)
+        return Verdict(SAID, f"{why}; {' '.join(notes)}", check)
+    return Verdict(WRONG, why, check)
 
 
 def _settings() -> CheckSettings:
