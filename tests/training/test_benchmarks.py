@@ -11,7 +11,6 @@ import pytest
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.runtime.errors import PatchNetError
 from patchnet.tests.engine.octree_samples import random_octree, with_boxes, with_sides
-from patchnet.tests.torch_devices import DEVICES
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.commands import main
 from patchnet.training.commands.bench import text_of
@@ -32,7 +31,6 @@ def measured(capsys, *words):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["train", "--device", "cuda:777"], "--device 'cuda:777'"),
         (["trace", "--scene", "none.glb"], "Embree cannot be imported"),
         (["encode", "shallow.safetensors"], "no corners to encode"),
         (["decode", "shallow.safetensors"], "No pixel around this octree has look-ahead"),
@@ -115,20 +113,3 @@ def test_a_graphics_card_agrees_with_the_kernels(tmp_path, capsys):
     around = views["Around"]
     assert around["coverage"] < 5e-4 and around["luminance"] < 2e-3 and around["order"] >= 0.999
     assert "| Around | " in text_of(values)
-
-
-@pytest.mark.skipif(not HAS_TORCH, reason="no torch here")
-@pytest.mark.parametrize("device", DEVICES)
-def test_both_kinds_of_network_are_trained(capsys, device: str) -> None:
-    words = ["train", "--nodes", 60000, "--samples", 20000, "--repeats", 1, "--threads", 2]
-    values = measured(capsys, *words, "--precision", "fp32", "--encoder-width", 64, "--device", device)
-    assert (values["name"], values["unit"], values["threads"]) == ("train", "samples per second", 2)
-    rows, devices = values["rows"], 2 if device == "cuda" else 1
-    assert [row["kind"] for row in rows] == ["mixture"] * devices + ["paper"] * devices
-    for row in rows:
-        assert row["samples_per_s"] == pytest.approx(1e3 * row["batch"] / row["step_ms"])
-        assert row["samples_per_processor_s"] > 0 and row["batch"] in (2048, 8192)
-        assert row["precision"] == "float32"
-    assert values["ours"] == rows[0]["samples_per_s"]
-    assert values["peer"] == (rows[1]["samples_per_s"] if device == "cuda" else None)
-    assert f"| mixture | {rows[0]['device']} | 2,048 | {rows[0]['precision']} | " in text_of(values)

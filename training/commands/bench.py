@@ -16,15 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from ...commands import add_log_format
-from ...commands.shared.arguments import add_device, add_number
+from ...commands.shared.arguments import add_number
 from ...commands.shared.job_arguments import add_setting, require_blender
 from ...commands.shared.views import add_views
-from ...patchnet_addon.network.encoders import MLP
 from ...patchnet_addon.runtime import bounds
 from .. import bounds as lab_bounds
 from ..benchmarks import markdown_table
-from ..settings import AUTO, BF16, FP32
-from .training_run import require_torch
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,8 +38,6 @@ def run(args: argparse.Namespace) -> int:
     """Measure and print; returns 0; raises PatchNetError."""
     if args.bench in ("bake", "preview", "process", "walkthrough"):
         require_blender()
-    if args.bench == "train":
-        require_torch()
     bench = import_module(f".benches.{args.bench}", __package__)
     values = bench.measure(args)
     print(json.dumps(values) if args.json else text_of(values))
@@ -165,23 +160,6 @@ def _walk(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--truth", bounds.CYCLES_SAMPLES, "samples that they are judged by", 256)
 
 
-def _train(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "datasets", nargs="*", type=Path, metavar="DATASET",
-        help="sample files, or folders of them (drawn from an octree of --nodes nodes)",
-    )  # fmt: skip
-    add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
-    add_number(parser, "--nodes", lab_bounds.NODES, "nodes of the octree that is made", 1_000_000)
-    add_number(parser, "--samples", lab_bounds.DATASET_SAMPLES, "samples that are drawn of it", 400_000)
-    add_number(parser, "--threads", lab_bounds.THREADS, "threads that train, or gather batches for a GPU (all cores)")
-    parser.add_argument(
-        "--precision", choices=(AUTO, BF16, FP32), default=AUTO,
-        help="precision of the encoder's products (auto: bf16 where the processor has it)",
-    )  # fmt: skip
-    add_number(parser, "--encoder-width", bounds.ENCODER_WIDTH, "values between the encoder's layers", MLP.width)
-    _repeats(parser, 9)
-
-
 BENCHES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
     "voxelize": ("octree against Open3D's voxel grid", lambda parser: _triangles(parser, 3, "Open3D")),
     "trace": ("rays per second against Embree's, thread for thread", _trace),
@@ -196,5 +174,4 @@ BENCHES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
         "a fly-through, with the bake, against Cycles: who is ahead at equal error, from which frame on",
         _walk,
     ),
-    "train": ("training samples per second, on a GPU against the CPU", _train),
 }
