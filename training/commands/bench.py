@@ -75,14 +75,6 @@ def _shown(value: Any) -> str:
     return f"{value:,}" if isinstance(value, int) else str(value)
 
 
-def _triangles(parser: argparse.ArgumentParser, repeats: int, peer: str) -> None:
-    parser.add_argument("--scene", type=Path, help="scene file, as for `patchnet run` (a bumpy sphere)")
-    add_number(parser, "--depth", bounds.DEPTH, "octree depth", 9)
-    text = f"PatchNet's threads; {peer} has one; one: processor seconds"
-    add_number(parser, "--threads", lab_bounds.THREADS, text, 1)
-    _repeats(parser, repeats)
-
-
 def _octree(parser: argparse.ArgumentParser, nodes: int, repeats: int) -> None:
     parser.add_argument("file", type=Path, nargs="?", help="octree file (a generated one of --nodes nodes)")
     add_number(parser, "--nodes", lab_bounds.NODES, "nodes of the octree that is made", nodes)
@@ -101,7 +93,11 @@ def _repeats(parser: argparse.ArgumentParser, repeats: int) -> None:
 
 def _trace(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, nargs="?", help="octree file of the scene (voxelized at --depth)")
-    _triangles(parser, 5, "Embree")
+    parser.add_argument("--scene", type=Path, help="scene file, as for `patchnet run` (a bumpy sphere)")
+    add_number(parser, "--depth", bounds.DEPTH, "octree depth", 9)
+    text = "PatchNet's threads; Embree has one; one: processor seconds"
+    add_number(parser, "--threads", lab_bounds.THREADS, text, 1)
+    _repeats(parser, 5)
     add_views(parser)
 
 
@@ -161,7 +157,6 @@ def _walk(parser: argparse.ArgumentParser) -> None:
 
 
 BENCHES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
-    "voxelize": ("octree against Open3D's voxel grid", lambda parser: _triangles(parser, 3, "Open3D")),
     "trace": ("rays per second against Embree's, thread for thread", _trace),
     "encode": ("the whole encoder against torch's", lambda parser: _network(parser, 600_000, 5)),
     "decode": ("the whole decoder against torch's layers alone", _decode),
