@@ -14,7 +14,6 @@ from ....commands.shared.job_arguments import require_blender
 from ....commands.shared.lines import make_parent, say_note, say_result
 from ....patchnet_addon.runtime import bounds
 from ....patchnet_addon.runtime.errors import SettingError
-from ....patchnet_addon.runtime.file_kinds import BLEND, FileKind
 from ....patchnet_addon.runtime.quantities import counted
 from ...file_kinds import GLB, SCENE_CREDITS
 
@@ -27,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kinds = ("interior", "garden")
     parser.add_argument("--kind", choices=kinds, default=kinds[0], help="a room or a garden (interior)")
     add_number(parser, "--seed", bounds.SEED, "random seed", 1)
-    add_out(parser, "scene to write: .glb, or .blend with sun, sky and a camera", required=True)
+    add_out(parser, "scene to write, a .glb file", required=True)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -36,8 +35,9 @@ def run(args: argparse.Namespace) -> int:
     from .furnished.library import common_role, read_library
 
     credits_file = args.out.with_suffix(CREDITS)
-    kind = _scene_kind(args.out)
-    check_outputs({args.out: kind, credits_file: SCENE_CREDITS}, args.libraries)
+    if args.out.suffix.lower() not in GLB.endings:
+        raise SettingError(f"--out {args.out} is not a scene file: use the ending .glb")
+    check_outputs({args.out: GLB, credits_file: SCENE_CREDITS}, args.libraries)
     libraries = [read_library(path) for path in dict.fromkeys(args.libraries)]
     common_role(library.role for library in libraries)
     require_blender()
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     make_parent(args.out)
     with quiet_stdout():
         composed = compose_scene(libraries, args.kind, args.seed)
-        save_composed(args.out, kind)
+        save_composed(args.out)
     words = ["lab", "furnish", *(path.name for path in args.libraries), "--kind", args.kind, "--seed", str(args.seed)]
     text = credits_text(
         shlex.join(["patchnet", *words]), composed.role, libraries, composed.plan.placements, composed.own
@@ -61,11 +61,3 @@ def run(args: argparse.Namespace) -> int:
     count = len(composed.plan.placements)
     say_result(f"{args.out}: {counted(count, 'piece')}; credits are in {credits_file}", file=args.out, pieces=count)
     return 0
-
-
-def _scene_kind(out: Path) -> FileKind:
-    """Kind of the scene file `out`; raises SettingError for another ending."""
-    for kind in (BLEND, GLB):
-        if out.suffix.lower() in kind.endings:
-            return kind
-    raise SettingError(f"--out {out} is not a scene file: use the ending .glb or .blend")

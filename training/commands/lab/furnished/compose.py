@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Composition of a furnished scene in an empty file, and its files: .glb for evaluations, .blend with a camera."""
+"""Composition of a furnished scene in an empty file, and its .glb file."""
 
 from __future__ import annotations
 
@@ -12,14 +12,12 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Vector
 
-from .....operators.demo_scene.courtyard import build_light
 from .....operators.demo_scene.geometry import add_object, box, join, place
 from .....operators.demo_scene.materials import principled
 from .....patchnet_addon.runtime.errors import OutputError
-from .....patchnet_addon.runtime.file_kinds import FileKind
 from .....patchnet_addon.runtime.replace import replaced_path
+from ....file_kinds import GLB
 from .floor_plan import FloorPlan, Placement
 from .kinds import SITTING, Stock, kind_of
 from .library import Library, Piece
@@ -49,7 +47,7 @@ def compose_scene(libraries: Sequence[Library], kind: str, seed: int) -> Compose
     stock = Stock(libraries, choice)
     bpy.ops.wm.read_homefile(use_empty=True)
     scene = bpy.context.scene
-    shell, furniture, light = (_part(scene, name) for name in ("Shell", "Furniture", "Light"))
+    shell, furniture = (_part(scene, name) for name in ("Shell", "Furniture"))
     if kind == "interior":
         plan, openings = plan_interior(stock, layout)
         own = "floor, ceiling, walls, windows, door frame"
@@ -61,8 +59,6 @@ def compose_scene(libraries: Sequence[Library], kind: str, seed: int) -> Compose
     mine = [piece for piece in pieces if piece.library is None]
     meshes = library_meshes(pieces) | own_meshes(mine, looks)
     stools = _place_all(furniture, plan.placements, meshes)
-    build_light(scene, light)
-    _add_camera(scene, plan, inside=kind == "interior")
     own = ", ".join([own, *(piece.model for piece in mine), *["stools"] * bool(stools)])
     return Composed(plan, stock.role, own)
 
@@ -91,22 +87,6 @@ def _place_all(
     return stools
 
 
-def _add_camera(scene: bpy.types.Scene, plan: FloorPlan, *, inside: bool) -> None:
-    """Add a camera in the corner at -x, -y of a room, or outside a garden, looking in."""
-    x, y = plan.width / 2, plan.depth / 2
-    at = Vector((-x + 0.15, -y + 0.15, 1.9) if inside else (-0.7 * x, -2.1 * y, 0.9 * y))
-    target = Vector((0.35 * x, 0.4 * y, 0.7) if inside else (0.0, -0.1 * y, 0.8))
-    data = bpy.data.cameras.new("View")
-    data.sensor_fit, data.angle, data.clip_start = "AUTO", 1.5 if inside else 0.9, 0.01
-    item = add_object(scene.collection, "View", data)
-    item.location, item.rotation_euler = at, (at - target).to_track_quat("Z", "Y").to_euler()
-    scene.camera = item
-    scene.render.engine = "CYCLES"
-    scene.render.resolution_x, scene.render.resolution_y = 768, 512
-    scene.view_settings.view_transform = "Standard"
-    scene.unit_settings.system = "METRIC"
-
-
 _BACK_SHARE, _LOWEST = 0.3, 0.25  # share of a sitting person's depth, from the back; metres
 
 
@@ -126,14 +106,10 @@ def build_stool(
     return place(collection, name, shape, material)
 
 
-def save_composed(path: Path, kind: FileKind) -> None:
-    """Write the open scene with its images to `path`, as a .blend or .glb file by `kind`.
-
-    A .glb has no lamps, since glTF has no sky: commands light it by their own sun and sky. Raises OutputError if it
-    cannot be written.
-    """
-    with tempfile.TemporaryDirectory(prefix="patchnet-") as folder, replaced_path(path, kind) as temporary:
-        made = Path(folder) / f"scene{kind.endings[0]}"
+def save_composed(path: Path) -> None:
+    """Write the open scene with its images to `path`, a .glb file; raises OutputError if it cannot be written."""
+    with tempfile.TemporaryDirectory(prefix="patchnet-") as folder, replaced_path(path, GLB) as temporary:
+        made = Path(folder) / "scene.glb"
         try:
             _write(made)
         except RuntimeError as cause:
@@ -142,9 +118,6 @@ def save_composed(path: Path, kind: FileKind) -> None:
 
 
 def _write(path: Path) -> None:
-    if path.suffix == ".blend":
-        bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, copy=True)
-        return
     if not hasattr(bpy.types, "EXPORT_SCENE_OT_gltf"):
         import addon_utils
 
