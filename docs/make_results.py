@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from patchnet.training.evaluation.tables import BUDGET, excess_areas, over_scenes, tables_of, variance_ratios
+from patchnet.training.evaluation.tables import BUDGET, over_scenes, tables_of, variance_ratios
 
 PAGE = Path(__file__).parent / "lab" / "results.md"
 SCENES = {
@@ -31,7 +31,6 @@ SCENES = {
 KEYS = {"strategy", "rival", "at equal", "scene"}  # columns that identify a row
 OWN = KEYS | {"further rays"}  # columns without numbers of the evaluation
 _MARK = re.compile(r"<!-- (tables\.md|results\.json): (.+) -->")
-_NOTES = re.compile(r", no network$")  # a page's addition to a strategy's name
 
 
 class MissingError(Exception):
@@ -70,7 +69,7 @@ def line_above(lines: list[str], number: int) -> str:
 
 def plain(cell: str) -> str:
     """A key or head as evaluations write it."""
-    return _NOTES.sub("", SCENES.get(cell, cell)).replace(" %", "%")
+    return SCENES.get(cell, cell).replace(" %", "%")
 
 
 def copied(table: Table, source: pd.DataFrame) -> list[list[str]]:
@@ -95,19 +94,14 @@ def _cell(name: str, old: str, numbers: dict[str, str]) -> str:
 
 
 def of_scenes(results: dict[str, Any], names: list[str]) -> pd.DataFrame:
-    """Strategies over named scenes: means as in an evaluation, and each scene's error ratio and excess area."""
+    """Strategies over named scenes: means as in an evaluation, and each scene's error ratio."""
     for name in names:
         if name not in results["scenes"]:
             raise MissingError(f"the scene {name}")
     scenes = {name: results["scenes"][name] for name in names}
     strategies = list(scenes[names[0]]["mse"])
-    ratios, areas = variance_ratios(scenes, BUDGET), excess_areas(scenes, strategies)
-    table = over_scenes(scenes, strategies)
+    ratios, table = variance_ratios(scenes, BUDGET), over_scenes(scenes, strategies)
     table[f"{BUDGET}% by scene"] = [", ".join(map("{:.2f}".format, ratios.loc[name])) for name in strategies]
-    table["geometric mean"] = table[f"{BUDGET}%"]
-    for scene in names:
-        pairs = zip(ratios.loc[strategies, scene], areas.loc[strategies, scene], strict=True)
-        table[scene] = [f"{ratio:.2f} ({f'{area:.3f}'.lstrip('0')})" for ratio, area in pairs]
     return table
 
 
