@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure and print; returns 0; raises PatchNetError."""
-    if args.bench in ("bake", "preview", "process", "walkthrough"):
+    if args.bench in ("preview", "process", "walkthrough"):
         require_blender()
     bench = import_module(f".benches.{args.bench}", __package__)
     values = bench.measure(args)
@@ -117,12 +117,6 @@ def _gpu(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
 
 
-def _bake(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--scene", default="room", help="scene file; demo: the courtyard; room: a closed room (room)")
-    add_number(parser, "--depth", bounds.DEPTH, "octree depth", 7)
-    add_number(parser, "--samples", bounds.SAMPLES, "paths per surfel", 16)
-
-
 def _process(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", default="demo", help="scene file; demo: the courtyard; room: a closed room (demo)")
     _repeats(parser, 5)
@@ -162,7 +156,6 @@ BENCHES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
     "decode": ("the whole decoder against torch's layers alone", _decode),
     "gpu": ("rays and decoded pixels on a graphics card against the CPU's kernels", _gpu),
     "frame": ("a frame, from camera to priority and picture, against four rays in each pixel", _frame),
-    "bake": ("the bake against camera renders: paths per second", _bake),
     "process": ("the start of the engine process, a call, and a scene's surface handed to it", _process),
     "preview": ("the first lit picture and the whole job against Cycles' still of the same view", _preview),
     "walkthrough": (
