@@ -124,28 +124,22 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
     end = min(settings.steps, options.stop_after or settings.steps)
     batch, crop = settings.batch or learner.network.batch, settings.crop or learner.network.crop
     before, saved = time.monotonic() - learner.seconds, time.monotonic()
-    try:
-        while learner.steps < end:
-            crops = batch_of_crops(
-                frames, learner.network, batch=batch, crop=crop, seed=settings.seed, step=learner.steps
-            )
-            with enough_memory("batches of this size (--batch)"):
-                log.add(learner.step(crops))
-            learner.seconds = time.monotonic() - before
-            if learner.steps % options.log_steps == 0 or learner.steps == end:
-                (mean,) = log.means()
-                if mean != mean:
-                    raise PatchNetError(
-                        f"The loss is not finite after {learner.steps} steps: train again with a lower --rate"
-                    )
-                log.write({"step": learner.steps, "loss": round(mean, 8), "seconds": round(learner.seconds, 1)})
-            if time.monotonic() - saved > CHECKPOINT_S:
-                _save(learner, run, options, len(frames))
-                saved = time.monotonic()
-            yield Progress(learner.steps, end, "Training")
-    except GeneratorExit:  # stopped, to be resumed
-        _save(learner, run, options, len(frames))
-        raise
+    while learner.steps < end:
+        crops = batch_of_crops(frames, learner.network, batch=batch, crop=crop, seed=settings.seed, step=learner.steps)
+        with enough_memory("batches of this size (--batch)"):
+            log.add(learner.step(crops))
+        learner.seconds = time.monotonic() - before
+        if learner.steps % options.log_steps == 0 or learner.steps == end:
+            (mean,) = log.means()
+            if mean != mean:
+                raise PatchNetError(
+                    f"The loss is not finite after {learner.steps} steps: train again with a lower --rate"
+                )
+            log.write({"step": learner.steps, "loss": round(mean, 8), "seconds": round(learner.seconds, 1)})
+        if time.monotonic() - saved > CHECKPOINT_S:
+            _save(learner, run, options, len(frames))
+            saved = time.monotonic()
+        yield Progress(learner.steps, end, "Training")
     return _save(learner, run, options, len(frames))
 
 
