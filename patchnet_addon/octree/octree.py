@@ -157,6 +157,10 @@ class Octree:
         sides = sides_of(self.side_nodes, self.child_mask, self.side_light, self.side_share, self.side_chroma)
         return NodeLight(self.luminance, sides)
 
+    def without_sides(self) -> Octree:
+        """Return the octree with one luminance per node, as in the paper."""
+        return replace(self, side_nodes=None, side_light=None, side_share=None, side_chroma=None)
+
     def level(self, level: int) -> slice:
         """Node indices of one level."""
         return slice(int(self.level_start[level]), int(self.level_start[level + 1]))

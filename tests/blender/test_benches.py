@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet bench walkthrough` and `patchnet bench preview`."""
+"""`patchnet bench walkthrough`, `patchnet bench bake` and `patchnet bench preview`."""
 
 import json
 import math
@@ -48,6 +48,17 @@ def test_a_walk_passes_its_keys_without_a_halt() -> None:
     for camera, key in zip((cameras[0], cameras[50]), keys, strict=False):
         np.testing.assert_allclose(camera.forward, key.forward, atol=1e-6)
         assert math.isclose(camera.half_x, key.half_x, rel_tol=1e-6)
+
+
+def test_rates_of_bake_and_renders(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "bake", "--scene", "room", "--depth", "6", "--samples", "2", "--json"]) == 0
+    values = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert values["ours"] > 0 and values["peer"] > 0
+    assert values["ratio"] == pytest.approx(values["ours"] / values["peer"])
+    assert sum(turn["paths"] for turn in values["calls"]) == values["samples"] * values["surfels"]
+    for call, render in zip(values["calls"], values["renders"], strict=True):
+        assert min(call["processor_s"], render["processor_s"]) > 0
+        assert 0.8 < render["paths"] / call["paths"] < 1.25
 
 
 def test_seconds_until_a_lit_picture(capsys: pytest.CaptureFixture[str]) -> None:

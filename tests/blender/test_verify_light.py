@@ -49,8 +49,7 @@ def test_the_room_agrees_and_half_the_light_does_not(room: None) -> None:
     assert frame["reference_noise_db"] > frame["psnr_db"] + 6.0, "the reference must be cleaner than the difference"
     assert frame["both_hit_share"] == 1.0, "the room is closed"
     json.dumps(check.report, allow_nan=False)
-    one = dict.fromkeys(("side_nodes", "side_light", "side_share", "side_chroma"))
-    dark = replace(check.octree.without_pieces(), luminance=check.octree.luminance // 2, **one)
+    dark = replace(check.octree.without_sides().without_pieces(), luminance=check.octree.luminance // 2)
     few = replace(settings(), render_samples=32)
     wrong = drain(check_camera(bpy.context, dark, check.cameras[0].camera, few))
     assert wrong.report["mean_ratio"] == pytest.approx(0.5 * frame["mean_ratio"], rel=0.02)

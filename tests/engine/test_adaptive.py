@@ -17,7 +17,7 @@ from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera, camera_part
 from patchnet.patchnet_addon.tracing.pixel_filter import BOX_FILTER, EVEN_FOOTPRINT, rook_places
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.patchnet_addon.tracing.supersample import spread_pixels
+from patchnet.patchnet_addon.tracing.supersample import spread_pixels, supersample, supersample_pixels
 from patchnet.tests.engine.octree_samples import random_octree
 
 CHOSEN = STRATEGIES["ss-variance"]
@@ -30,6 +30,15 @@ def camera(width: int = 23, height: int = 17) -> Camera:
 def colored(octree: Octree) -> Octree:
     chroma = np.random.default_rng(1).integers(30, 100, (octree.node_count, 2), dtype=np.uint8)
     return replace(octree, chroma=chroma)
+
+
+def test_coverage_is_the_share_of_rays_that_hit() -> None:
+    octree, eye = random_octree(), camera()
+    every = np.arange(eye.pixel_count)
+    white = replace(octree, luminance=np.full_like(octree.luminance, 65535))
+    coverage = supersample_pixels(octree, eye, every, 4).coverage
+    np.testing.assert_allclose(coverage, drain(supersample(white, eye, 4)).luminance, atol=1e-6)
+    assert ((coverage > 0.0) & (coverage < 1.0)).any()
 
 
 @pytest.mark.parametrize("kind", ["PERSP", ORTHOGRAPHIC])

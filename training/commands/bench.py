@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure and print; returns 0; raises PatchNetError."""
-    if args.bench in ("preview", "process", "walkthrough"):
+    if args.bench in ("bake", "preview", "process", "walkthrough"):
         require_blender()
     bench = import_module(f".benches.{args.bench}", __package__)
     values = bench.measure(args)
@@ -75,6 +75,14 @@ def _shown(value: Any) -> str:
     return f"{value:,}" if isinstance(value, int) else str(value)
 
 
+def _triangles(parser: argparse.ArgumentParser, repeats: int, peer: str) -> None:
+    parser.add_argument("--scene", type=Path, help="scene file, as for `patchnet run` (a bumpy sphere)")
+    add_number(parser, "--depth", bounds.DEPTH, "octree depth", 9)
+    text = f"PatchNet's threads; {peer} has one; one: processor seconds"
+    add_number(parser, "--threads", lab_bounds.THREADS, text, 1)
+    _repeats(parser, repeats)
+
+
 def _octree(parser: argparse.ArgumentParser, nodes: int, repeats: int) -> None:
     parser.add_argument("file", type=Path, nargs="?", help="octree file (a generated one of --nodes nodes)")
     add_number(parser, "--nodes", lab_bounds.NODES, "nodes of the octree that is made", nodes)
@@ -93,11 +101,7 @@ def _repeats(parser: argparse.ArgumentParser, repeats: int) -> None:
 
 def _trace(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, nargs="?", help="octree file of the scene (voxelized at --depth)")
-    parser.add_argument("--scene", type=Path, help="scene file, as for `patchnet run` (a bumpy sphere)")
-    add_number(parser, "--depth", bounds.DEPTH, "octree depth", 9)
-    text = "PatchNet's threads; Embree has one; one: processor seconds"
-    add_number(parser, "--threads", lab_bounds.THREADS, text, 1)
-    _repeats(parser, 5)
+    _triangles(parser, 5, "Embree")
     add_views(parser)
 
 
@@ -115,6 +119,12 @@ def _frame(parser: argparse.ArgumentParser) -> None:
 def _gpu(parser: argparse.ArgumentParser) -> None:
     _frame(parser)
     parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
+
+
+def _bake(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--scene", default="room", help="scene file; demo: the courtyard; room: a closed room (room)")
+    add_number(parser, "--depth", bounds.DEPTH, "octree depth", 7)
+    add_number(parser, "--samples", bounds.SAMPLES, "paths per surfel", 16)
 
 
 def _process(parser: argparse.ArgumentParser) -> None:
@@ -151,11 +161,13 @@ def _walk(parser: argparse.ArgumentParser) -> None:
 
 
 BENCHES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
+    "voxelize": ("octree against Open3D's voxel grid", lambda parser: _triangles(parser, 3, "Open3D")),
     "trace": ("rays per second against Embree's, thread for thread", _trace),
     "encode": ("the whole encoder against torch's", lambda parser: _network(parser, 600_000, 5)),
     "decode": ("the whole decoder against torch's layers alone", _decode),
     "gpu": ("rays and decoded pixels on a graphics card against the CPU's kernels", _gpu),
     "frame": ("a frame, from camera to priority and picture, against four rays in each pixel", _frame),
+    "bake": ("the bake against camera renders: paths per second", _bake),
     "process": ("the start of the engine process, a call, and a scene's surface handed to it", _process),
     "preview": ("the first lit picture and the whole job against Cycles' still of the same view", _preview),
     "walkthrough": (

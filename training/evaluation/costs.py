@@ -36,7 +36,8 @@ from .strategies import PatchNetwork
 REFERENCE_SIDE = 32
 _REFERENCE_PIXELS = 512  # pixels of a frame, enough for timing
 CYCLES_MS_PER_PIXEL = 0.2
-"""Processor milliseconds of 64 Cycles paths in a pixel, at 0.3 million paths per second (docs/lab/benchmarks.md)."""
+"""Processor milliseconds of 64 Cycles paths in a pixel, at the rate of camera renders in `patchnet bench bake`: 0.3
+million paths per second."""
 
 
 Costs = dict[str, Any]

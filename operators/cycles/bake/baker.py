@@ -60,7 +60,7 @@ class SurfelBaker:
     """Baker of surfels; between two calls it holds no data of Blender but the context.
 
     channels: of baked light: luminance, with colour red, green and blue, all times opacity, opacity, and half the
-    difference of luminance times opacity in its two texels.
+    difference of luminance times opacity in its two texels. paths_traced: so far.
     """
 
     def __init__(
@@ -88,6 +88,7 @@ class SurfelBaker:
         )
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
         self._coordinates = OBJECT if needs_coordinates(used) else ""
+        self.paths_traced = 0
         transformed = source.turned_materials
         lost = [
             f"node '{node}' of material '{material.name}'"
@@ -129,6 +130,7 @@ class SurfelBaker:
             if call.is_divided:
                 base = yield from self._call(plan, call, COLORS, sampling, at)
             yield from computed(add_call, plan.work, call, pixels, base, at=at)
+            self.paths_traced += samples * call.triangles
         return (yield from computed(finished_light, plan.work, at=at))
 
     def _call(

@@ -19,7 +19,7 @@ from ....patchnet_addon.octree.build import build_octree
 from ....patchnet_addon.octree.file import load_octree
 from ....patchnet_addon.octree.grid import Grid
 from ....patchnet_addon.octree.octree import Octree
-from ....patchnet_addon.octree.voxelize import LeafDetail
+from ....patchnet_addon.octree.voxelize import PLAIN_LEAVES, LeafDetail
 from ....patchnet_addon.runtime.errors import PatchNetError
 from ....patchnet_addon.runtime.progress import drain
 from ....patchnet_addon.runtime.threads import limit_threads
@@ -70,10 +70,12 @@ def read_triangles(scene: Path | None) -> np.ndarray:
         return np.concatenate([batch.corners_world for batch in source.batches()])
 
 
-def voxelized(mesh: TriangleMesh, depth: int) -> Octree:
-    """Octree of triangles under constant light, without textures, with boxes and pieces of leaves."""
-    base = BaseColors(TextureTable.from_materials(mesh.materials), np.ones(len(mesh.materials), bool))
-    detail, grid = LeafDetail(boxes=True, base=base), Grid.around(mesh.bounds_world, depth)
+def voxelized(mesh: TriangleMesh, depth: int, *, exact: bool = False) -> Octree:
+    """Octree of triangles under constant light, without textures; `exact`: with boxes and pieces of leaves."""
+    detail, grid = PLAIN_LEAVES, Grid.around(mesh.bounds_world, depth)
+    if exact:
+        base = BaseColors(TextureTable.from_materials(mesh.materials), np.ones(len(mesh.materials), bool))
+        detail = LeafDetail(boxes=True, base=base)
     return drain(build_octree(mesh, grid, _constant_light, exposure=1.0, detail=detail))
 
 

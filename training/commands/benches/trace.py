@@ -75,7 +75,7 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
     if triangles is None or args.file is not None:
         octree = load_octree(args.file)
     else:
-        octree = voxelized(TriangleMesh.from_arrays(triangles), args.depth)
+        octree = voxelized(TriangleMesh.from_arrays(triangles), args.depth, exact=True)
     cameras = view_cameras(args) if args.view else views_of(octree, tuple(args.size))
     with limit_threads(args.threads):
         rows = [_view(octree, camera, embree, args.repeats, args.threads) for camera in cameras]
