@@ -9,6 +9,9 @@ import pytest
 from patchnet.patchnet_addon.cells.morton import morton_decode
 from patchnet.patchnet_addon.light.cell_filter import STEPS
 from patchnet.patchnet_addon.light.light_cells import (
+    ANY_FACE,
+    ANY_SHEET,
+    MIN_OPACITY,
     CellGrid,
     LightCells,
     SurfelSums,
@@ -18,7 +21,7 @@ from patchnet.patchnet_addon.light.light_cells import (
 )
 from patchnet.patchnet_addon.light.rounds import picture_noise
 from patchnet.patchnet_addon.light.seen_cells import LEVEL_BITS, SeenCells, all_cells
-from patchnet.patchnet_addon.light.surfels import choose_surfels
+from patchnet.patchnet_addon.light.surfels import SURFEL, choose_surfels
 from patchnet.patchnet_addon.lod.fit import leaf_keys_of
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
@@ -329,6 +332,19 @@ def test_the_filter_keeps_surfaces_apart(apart: str) -> None:
         np.testing.assert_array_equal(found.noise[rows], plain.noise[rows])
 
 
+def test_light_behind_gaps_is_that_of_what_is_opaque() -> None:
+    surfels, places = wall(0.3)
+    surface = plain_surface(surfels, places, 0.25)
+    light = np.full((len(surfels), 2), 2.0)
+    opacity = np.random.default_rng(3).choice([1.0, 0.25, 1e-4], len(surfels))
+    cells = light_of(surfels, surface, sums_of(light, opacity), filtered=False)
+    found = rows_of(cells, cells.keys)
+    np.testing.assert_allclose(cells.light[found >= 0], 8.0, rtol=1e-6)
+    np.testing.assert_allclose(cells.radiance[found >= 0], 2.0, rtol=1e-6)
+    np.testing.assert_allclose(cells.noise, 0.0, atol=1e-3)
+    np.testing.assert_array_equal(found[: len(surfels)] < 0, opacity < MIN_OPACITY)
+
+
 @pytest.mark.parametrize("factor", [1e-9, 1e-6, 1e6])
 @pytest.mark.parametrize("spread", [0.4, 0.0])
 def test_the_filter_knows_no_unit_of_light(factor: float, spread: float) -> None:
@@ -351,6 +367,17 @@ def test_without_light_there_are_no_cells(filtered: bool) -> None:
         cells = light_of(some, plain_surface(some, places[: len(some)]), sums, filtered=filtered)
         assert not cells.slots.any() and not cells.light.any() and not cells.radiance.any()
         assert len(cells.keys) == len(cells.light) == len(cells.noise) == len(cells.pixels) >= len(some)
+
+
+def test_pixels_of_a_mean_are_those_of_the_sheet_that_most_show() -> None:
+    """Of three sheets in one cell; their light is weighted by what they stand for."""
+    surfels = np.zeros(3, SURFEL)
+    surfels["cell"], surfels["sheet"], surfels["share"], surfels["pixels"] = 33, range(3), [1, 2, 5], [0.25, 9.0, 1.0]
+    light = np.repeat([[8.0], [4.0], [1.6]], 2, axis=1)
+    cells = light_of(surfels, plain_surface(surfels, np.zeros((3, 3))), sums_of(light), filtered=False)
+    rows = rows_of(cells, [key_of((33, 0, ANY_SHEET)), key_of((33, ANY_FACE, ANY_SHEET))])
+    assert cells.pixels[rows].tolist() == [9.0, 9.0]
+    np.testing.assert_allclose(cells.light[rows, 0], [3.0, 3.0], rtol=1e-6)
 
 
 @pytest.mark.parametrize("filtered", [False, True])

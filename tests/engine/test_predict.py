@@ -15,7 +15,7 @@ from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import limit_threads
 from patchnet.tests.engine.octree_samples import random_octree, with_boxes, with_sides
-from patchnet.tests.references.codes import predict_reference
+from patchnet.tests.references.codes import corners_of, interpolate_codes_reference, predict_reference
 
 TOLERANCE = 1e-5  # the order of additions differs, and the reference interpolates in float64
 
@@ -86,6 +86,17 @@ def test_a_pixel_has_the_same_bits_in_any_company_and_number_of_threads(coded):
         other = predict(coded, hits)
     np.testing.assert_array_equal(other.coverage, whole.coverage)
     np.testing.assert_array_equal(other.luminance, whole.luminance)
+
+
+def test_mean_of_codes(coded):
+    random = np.random.default_rng(0)
+    rows = random.integers(0, coded.coded_count, 100)
+    points = random.uniform(size=(100, 3)).astype(np.float32)
+    points[:4] = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 0, 1)]
+    means = mean_codes(coded, rows, points)
+    np.testing.assert_allclose(means, interpolate_codes_reference(coded, rows, points), atol=1e-5, rtol=1e-5)
+    wanted = coded.codes[corners_of(coded.corner_rows, rows[:4])[np.arange(4), [0, 1, 2, 5]]]
+    np.testing.assert_array_equal(means[:4], wanted.astype(np.float32))
 
 
 @kernel

@@ -8,6 +8,7 @@ import pytest
 
 from patchnet.patchnet_addon.light.seen_cells import SeenCells, all_cells, cells_of
 from patchnet.patchnet_addon.light.surfels import (
+    COARSE,
     MOST_SHEETS,
     SURFEL,
     choose_surfels,
@@ -24,7 +25,7 @@ from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
 from patchnet.patchnet_addon.surface.sides import BACK, FRONT
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.tests.references.clip import parts_of
-from patchnet.tests.references.surfels import surfels_reference
+from patchnet.tests.references.surfels import face_reference, surfels_reference
 
 from .light_samples import (
     FLAT_GRID,
@@ -37,7 +38,7 @@ from .light_samples import (
     surfels_of,
     thinned,
 )
-from .mesh_samples import even
+from .mesh_samples import box, even
 
 GRID = Grid((0.0, 0.0, 0.0), 1.0, 5)
 EYES = np.array([(0.5, 0.4, 0.45, 1.0), (2.0, -1.0, 0.7, 1.0), (0.6, 0.0, 0.8, 0.0)])
@@ -182,6 +183,15 @@ def test_eyes_of_cameras() -> None:
     assert eyes_of([]).shape == (0, 4)
 
 
+def test_faces_of_a_box_are_apart() -> None:
+    corners = box((0.2, 0.2, 0.2), (0.7, 0.7, 0.7))
+    surfels = surfels_of(TriangleMesh.from_arrays(corners), sheets_on(corners, np.zeros(12), 1))
+    edges = corners[:, 1:] - corners[:, :1]
+    faces = [face_reference(normal) for normal in np.cross(edges[:, 0], edges[:, 1])]
+    assert surfels["face"].tolist() == [faces[triangle] for triangle in surfels["triangle"]]
+    assert set(faces) == set(range(6))
+
+
 def test_cells_have_few_sheets() -> None:
     """Twice as many squares above each other in each cell as sheets may have surfels."""
     count = 2 * MOST_SHEETS
@@ -224,6 +234,21 @@ def test_cameras_that_see_more_leave_other_cells_as_they_are() -> None:
     np.testing.assert_array_equal(coarse[0]["id"], coarse[1]["id"])
     common = np.isin(before["id"], after["id"])
     assert common.mean() > 0.8 and len(after) > len(before)
+
+
+def test_each_cell_has_one_surfel_of_each_face_and_sheet() -> None:
+    """Two squares, whose coarse cells are those of 16 x 16 leaves, and the fine ones those of 2 x 2."""
+    corners = np.concatenate([square(0.3), square(0.301)])
+    surfels = surfels_of(TriangleMesh.from_arrays(corners), sheets_on(corners, [0, 0, 1, 1], 0))
+    level = (surfels["cell"] & np.uint64(31)).astype(int)
+    up = FLAT_GRID.depth - level
+    assert set(up.tolist()) == {1, COARSE}
+    leaves = surfels["leaf"] >> np.uint64(5)
+    np.testing.assert_array_equal(surfels["cell"] >> np.uint64(5), leaves >> (3 * up).astype(np.uint64))
+    cells = {1: 26 * 26, COARSE: 4 * 4}  # from 0.1 to 0.9
+    for step, count in cells.items():
+        mine = surfels[up == step][["cell", "face", "sheet"]]
+        assert len(mine) == len(np.unique(mine)) == 4 * count
 
 
 def test_a_surface_of_gaps_has_no_surfels() -> None:

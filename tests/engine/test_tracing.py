@@ -6,11 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.ray_up import ray_up
 from patchnet.patchnet_addon.tracing.render import first_hits, seen_color
-from patchnet.patchnet_addon.tracing.supersample import supersample
+from patchnet.patchnet_addon.tracing.supersample import behind_patches, supersample
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.references.first_hits import supersampled_reference
 from patchnet.tests.references.small import ray_up_reference
@@ -67,6 +70,26 @@ def test_colour_of_pictures(octree):
     np.testing.assert_allclose(seen, drain(supersample(colored, camera, 1)).colors, atol=1e-6)
     gray = seen_color(octree, hits.node, hits.direction)
     np.testing.assert_array_equal(gray, np.repeat(hits.luminance[:, None], 3, axis=1))
+
+
+def test_behind_sees_the_second_of_two_sheets():
+    def sheet(z):
+        return [[[-1, -1, z], [1, -1, z], [1, 1, z]], [[-1, -1, z], [1, 1, z], [-1, 1, z]]]
+
+    mesh = TriangleMesh.from_arrays(np.array(sheet(0.5) + sheet(-0.5), float))
+
+    def tones(batch, fragments):
+        return Shading(
+            np.where(fragments.triangle < 2, 0.9, 0.2).astype(np.float32), np.ones(len(fragments), np.float32)
+        )
+
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 7), tones, exposure=1.0))
+    camera = Camera.look_at(np.array([0.001, 0.002, 4.0]), np.zeros(3), up_world=(0, 1, 0), size_px=(8, 8))
+    hits = first_hits(octree, camera)
+    np.testing.assert_allclose(hits.luminance[hits.hit], 0.9, atol=1e-4)
+    seen = behind_patches(octree, camera, hits).luminance[hits.hit]
+    assert np.median(seen) == pytest.approx(0.2, abs=1e-4)
+    assert set(np.round(np.unique(seen), 3)) <= {np.float32(0.0), np.float32(0.2)}
 
 
 def test_picture_up_of_rays():
