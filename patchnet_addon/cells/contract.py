@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..runtime.kernels import device
+from .morton import POPCOUNT
 
 MAX_LEVELS = 24  # of any walk down an octree
 MIN_RATIO, MAX_RATIO = 0.5, 1.0  # range of pixel side / voxel side of the network (methods 7.8)
-_CHILDREN = np.array([value.bit_count() for value in range(256)], np.uint8)
 
 
 @device
@@ -61,7 +61,7 @@ def has_lookahead(child_mask, first_child, node, lookahead):
             if mask != 0:
                 if below_first < 0:
                     below_first = np.int64(first_child[here])
-                below_last = np.int64(first_child[here]) + np.int64(_CHILDREN[mask]) - 1
+                below_last = np.int64(first_child[here]) + np.int64(POPCOUNT[mask]) - 1
         if below_first < 0:
             return False
         first = below_first

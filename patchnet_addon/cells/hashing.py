@@ -37,6 +37,21 @@ def row_of_key(slots, keys, key):
     return -1 - slot
 
 
+@device
+def entered_row(slots, keys, used, key):
+    """Row (int64) of a key, entered behind the `used` (1,) rows of `keys` if it is new; -1 if these have no room."""
+    row = np.int64(row_of_key(slots, keys, key))
+    if row >= 0:
+        return row
+    slot, row = -1 - row, np.int64(used[0])
+    if row == len(keys):
+        return np.int64(-1)
+    slots[slot] = row + 1
+    keys[row] = key
+    used[0] += 1
+    return row
+
+
 @kernel
 def fill_slots(slots: np.ndarray, keys: np.ndarray, rows: np.ndarray) -> None:
     """Enter some rows (m,) of different keys (n,); slots hold rows + 1, and 0 where they are free."""

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..cells.hashing import fill_slots, mixed, row_of_key, slots_for
+from ..cells.hashing import entered_row, fill_slots, mixed, row_of_key, slots_for
 from ..octree.blocks import CellSet
 from ..octree.voxelize import ClippedSurface, on_all_cores
 from ..runtime.kernels import device, kernel
@@ -264,13 +264,9 @@ def _enter(fragments, f, weight, where, side, surface, draw):
 @device
 def _row_of(place, draw):
     """Row of the light cell of a key."""
-    row = row_of_key(draw.slots, draw.keys, place)
-    if row < 0:
-        slot = -1 - row
-        row = draw.used[0]
-        draw.used[0] += 1
-        draw.slots[slot] = row + 1
-        draw.keys[row] = place
+    before = draw.used[0]
+    row = entered_row(draw.slots, draw.keys, draw.used, place)
+    if row == before:
         draw.rows[row].rank, draw.rows[row].id = np.float32(np.inf), _LAST  # also ranks may be infinite
     return row
 

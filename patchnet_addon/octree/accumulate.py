@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..cells.hashing import fill_slots, slots_for
 from ..cells.leaf_box_kernels import joined_boxes
 from ..cells.leaf_boxes import WHOLE, unpacked
 from ..directional.leaf_sides import FACE_HUE, FACE_SUM, FaceSums, LeafSides, add_to_faces, leaf_sides
@@ -20,7 +21,7 @@ from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import MIN_OPACITY, Fragments, Shading
 from ..surface.side_kernels import is_lit, lit_sides
 from ..surface.sides import FACES
-from .bricks import BRICK_BITS, BRICK_CELLS, brick_of, table_of
+from .bricks import BRICK_BITS, BRICK_CELLS, brick_of
 from .collect_pieces import LeafPieces
 
 # The unit of a leaf's area is 2^-40 of a voxel's face: four million coincident layers fit, and smaller areas count as
@@ -75,13 +76,13 @@ class LeafSums:
 class _Bricks(NamedTuple):
     """Bricks of leaves, and the leaves' sums.
 
-    table: (a power of two,) int32 hash table of bricks, -1 where empty. keys: (B,) uint64 of the bricks.
+    keys: (B,) uint64 of the bricks, and the slots of these.
     rows: (B * 64,) int32, 1 + row of each cell, 0: none yet. boxes: (R,) uint32 packed, around what is in each leaf.
     sums: (R,) _LEAF_SUM, (0,) for keys only. hues: (R,) _LEAF_HUE, (0,) without colour. faces: of leaves; empty without
     sides. brick_count, leaf_count: (1,) int64, how many there are.
     """
 
-    table: np.ndarray
+    slots: np.ndarray
     keys: np.ndarray
     rows: np.ndarray
     boxes: np.ndarray
@@ -103,7 +104,7 @@ class LeafAccumulator:
         boxes, sums = np.zeros(_ROOM, np.uint32), np.zeros(0 if only_keys else _ROOM, _LEAF_SUM)
         faces = FaceSums(np.zeros((_ROOM if self._sides else 0, 2, FACES), FACE_SUM), np.zeros((0, 2, FACES), FACE_HUE))
         counts = np.zeros(1, np.int64), np.zeros(1, np.int64)
-        self._bricks = _Bricks(table_of(keys, 0), keys, rows, boxes, sums, np.zeros(0, _LEAF_HUE), faces, *counts)
+        self._bricks = _Bricks(slots_for(len(keys)), keys, rows, boxes, sums, np.zeros(0, _LEAF_HUE), faces, *counts)
 
     def __len__(self) -> int:
         """Number of leaves."""
@@ -137,7 +138,8 @@ class LeafAccumulator:
             more = bricks + bricks // 2
             self._bricks.keys.resize(more, refcheck=False)
             self._bricks.rows.resize(more * BRICK_CELLS, refcheck=False)
-            self._bricks = self._bricks._replace(table=table_of(self._bricks.keys, bricks))
+            self._bricks = self._bricks._replace(slots=slots_for(more))
+            fill_slots(self._bricks.slots, self._bricks.keys, np.arange(bricks))
         if leaves == len(self._bricks.boxes):
             room = min(leaves + leaves // 2, INT32_COUNT - 1)
             for values in (self._bricks.boxes, self._bricks.sums, self._bricks.hues, *self._bricks.faces):
@@ -197,7 +199,7 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):
         if not shading.opacity[i] >= MIN_OPACITY:
             continue
         key, triangle = fragments.keys[i], fragments.triangle[i]
-        brick = brick_of(key, brick, bricks.table, bricks.keys, bricks.brick_count)
+        brick = brick_of(key, brick, bricks.slots, bricks.keys, bricks.brick_count)
         if brick < 0:
             return i
         cell = brick * BRICK_CELLS + np.int64(key & np.uint64(BRICK_CELLS - 1))

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..cells.hashing import fill_slots, row_of_key, slots_for
 from ..runtime.bounds import INT32_COUNT, check_count
 from ..runtime.kernels import device, kernel
 from ..surface.chroma import BLUE, GREEN, RED
@@ -65,9 +64,7 @@ class PieceCollector:
 
     def take(self, leaves: np.ndarray) -> LeafPieces:
         """Pieces of leaves with ascending keys (n,), which are all that have any; of a leaf, ordered by triangle."""
-        slots = slots_for(len(leaves))
-        fill_slots(slots, leaves, np.arange(len(leaves)))
-        rows = [_rows_of(part.keys, leaves, slots) for part in self._parts]
+        rows = [np.searchsorted(leaves, part.keys) for part in self._parts]
         count = np.zeros(len(leaves), np.int64)
         for part in rows:
             count += np.bincount(part, minlength=len(leaves))
@@ -129,17 +126,6 @@ def packed_light(red, green, blue):
         np.int64(np.rint(red * scale)) | np.int64(np.rint(green * scale)) << 9 | np.int64(np.rint(blue * scale)) << 18
     )
     return np.uint32(steps | (exponent + EXPONENT_BIAS) << 27)
-
-
-@kernel
-def _rows_of(keys, leaves, slots):
-    rows = np.empty(len(keys), np.int32)
-    row = np.int64(0)
-    for i in range(len(keys)):
-        if i == 0 or keys[i] != keys[i - 1]:
-            row = row_of_key(slots, leaves, keys[i])
-        rows[i] = row
-    return rows
 
 
 @kernel
