@@ -18,35 +18,11 @@ def refinement_order(buffers: PixelBuffers, score: np.ndarray) -> np.ndarray:
 
     Pixels of importance 0 come last, after the `refinable` ones.
     """
-    active = np.flatnonzero(buffers.active)
-    ties = pixel_hash(len(score))[active]
-    urgency = priority(buffers, score)[active]
-    order = _falling(urgency, ties)
+    order = np.argsort(pixel_hash(len(score)))
+    order = order[buffers.active[order]]
+    order = order[np.argsort(-priority(buffers, score)[order], kind="stable")]
     if buffers.importance is not None:
-        order = order[np.argsort(buffers.importance[active][order] <= 0, kind="stable")]
-    return active[order]
-
-
-def _falling(values: np.ndarray, ties: np.ndarray) -> np.ndarray:
-    """Order (N,) int64 of falling values (N,), equal ones by rising `ties` (N,) uint64, all different.
-
-    Equals np.lexsort((ties, -values)), but faster: only runs of equal values are sorted twice, mostly one long run of
-    zeros.
-    """
-    order = np.argsort(-values)
-    found = values[order]
-    ends = np.append(np.flatnonzero(found[1:] != found[:-1]) + 1, len(found))
-    lengths = np.diff(ends, prepend=0)
-    if len(found) == 0 or len(lengths) == len(found):
-        return order
-    longest = int(np.argmax(lengths))
-    run = slice(ends[longest] - lengths[longest], ends[longest])
-    order[run] = order[run][np.argsort(ties[order[run]])]
-    lengths_of = np.repeat(lengths, lengths)
-    lengths_of[run] = 1
-    equal = np.flatnonzero(lengths_of > 1)
-    among = order[equal]
-    order[equal] = among[np.lexsort((ties[among], np.repeat(np.arange(len(lengths)), lengths)[equal]))]
+        order = order[np.argsort(buffers.importance[order] <= 0, kind="stable")]
     return order
 
 
