@@ -66,11 +66,9 @@ class PictureSettings:
     def picture(
         self, octree: Octree, camera: Camera, coded: CodedOctree | None, importance: Importance | None
     ) -> AdaptivePicture:
-        """Picture to work on, `shared`."""
+        """Picture to work on."""
         chosen = None if self.strategy is None else strategy(self.strategy)
-        return AdaptivePicture(
-            octree, camera, chosen, coded, importance, self.unrefined, self.pixel_filter, shared=True
-        )
+        return AdaptivePicture(octree, camera, chosen, coded, importance, self.unrefined, self.pixel_filter)
 
     def more_rays(self, picture: AdaptivePicture, pace: Pace | None = None, side: int = REFINED_SIDE) -> Steps[None]:
         """Trace all rays after the first of each pixel. side: most per pixel side of those that a strategy refines."""
@@ -86,6 +84,7 @@ class AdaptivePicture:
     values: (P, 4) float32, colours and alpha. colors: linear as in the octree, not clamped, premultiplied by alpha.
     alpha: share of the rays that hit.
     samples: (P,) int32, rays per pixel; 0 before the first.
+    Other processes can see values and samples while they change.
     buffers: set once all pixels are traced; `ranking` too, if there is a strategy.
     """
 
@@ -98,24 +97,20 @@ class AdaptivePicture:
         importance: Importance | None = None,
         unrefined: str = PREVIEW,
         pixel_filter: PixelFilter = BOX_FILTER,
-        *,
-        shared: bool = False,
     ) -> None:
         """Prepare a picture; importance returns the weights that multiply the scores of a traced view; None: all 1.
 
         strategy: ranks pixels for `refine`; None for evenly sampled pictures.
         unrefined: value of pixels with one ray, see `PixelBuffers`.
-        shared: other processes can see values and samples while they change.
         """
         self.octree, self.camera, self.strategy, self.coded = octree, camera, strategy, coded
         self._importance = importance
         self.unrefined = unrefined
         from .film import Film
 
-        zeros = shared_zeros if shared else np.zeros
-        self._film = Film((camera.width_px, camera.height_px), pixel_filter, zeros)
+        self._film = Film((camera.width_px, camera.height_px), pixel_filter, shared_zeros)
         self.values: np.ndarray = self._film.values
-        self.samples: np.ndarray = zeros((camera.pixel_count,), np.int32)
+        self.samples: np.ndarray = shared_zeros((camera.pixel_count,), np.int32)
         self.buffers: PixelBuffers | None = None
         self.ranking: Ranking | None = None
 
@@ -243,15 +238,17 @@ def joined_buffers(bands: list[PixelBuffers]) -> PixelBuffers:
     first = bands[0]
     height_px, camera_up = sum(band.height for band in bands), first.hits.camera_up
     joined = _joined_fields(bands)
-    hits = replace(joined["hits"], height_px=height_px, camera_up=camera_up)
+    hits = joined["hits"]._replace(height_px=height_px, camera_up=camera_up)
     return PixelBuffers(**joined | {"hits": hits, "estimators": first.estimators})
 
 
 def _joined(parts: list[Any]) -> Any:
-    """Join one field of all views: concatenate arrays, also in dataclasses; other values come from the first view."""
+    """Join one field of all views: concatenate arrays, also in tuples; other values come from the first view."""
     first = parts[0]
     if isinstance(first, np.ndarray):
         return np.concatenate(parts)
+    if isinstance(first, tuple):
+        return type(first)(*map(_joined, map(list, zip(*parts, strict=True))))
     if not is_dataclass(first) or isinstance(first, type):
         return first
     return replace(first, **_joined_fields(parts))

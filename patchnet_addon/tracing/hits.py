@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 
-@dataclass(frozen=True, eq=False)
-class Hits:
+class Hits(NamedTuple):
     """Hits of the centre ray of each pixel; P = height * width.
 
     node: (P,) int64, -1 for a miss. level: (P,) int32. cell: (P, 3) int32 of the voxel at its level.

@@ -6,9 +6,6 @@ All pictures are (H * W,) with row 0 at the bottom, as Blender stores them.
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import NamedTuple
-
 import numpy as np
 
 from ..cells.contract import pixel_voxel_ratio
@@ -42,27 +39,6 @@ from .tile_walk import trace_block
 _PATCH_SIDES = 1.5  # voxel sides from the entry to the end of the patch
 
 
-class TracedPixels(NamedTuple):
-    """Hits of P pixels as the kernel writes them: those of `Hits`, and nodes hit by finer rays, -1 for none.
-
-    fine: (P,) int64, or (0,) if not requested.
-    """
-
-    node: np.ndarray
-    level: np.ndarray
-    cell: np.ndarray
-    t_world: np.ndarray
-    z_world: np.ndarray
-    ratio: np.ndarray
-    entry_voxel: np.ndarray
-    direction: np.ndarray
-    patch_end: np.ndarray
-    fine: np.ndarray
-
-
-_OF_PIXELS = {field.name for field in fields(Hits)} - {"width_px", "height_px", "camera_up"}
-
-
 def finer_than_pixel(lookahead: int) -> float:
     """Side of a pixel over the footprint of finer rays.
 
@@ -74,7 +50,7 @@ def finer_than_pixel(lookahead: int) -> float:
 
 def first_hits(octree: Octree, camera: Camera) -> Hits:
     """Trace a ray through every pixel centre, stopped by the level-of-detail contract."""
-    return _hits(octree, camera, trace_pixels(octree, camera)[0])
+    return _lit(octree, trace_pixels(octree, camera)[0])
 
 
 def fine_hits(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKAHEAD) -> tuple[Hits, np.ndarray]:
@@ -85,19 +61,21 @@ def fine_hits(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKAH
     """
     unit = camera_in_unit_cube(camera, octree.grid)
     search = Search(unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), FINE, octree.depth, 1.0)
-    traced, _ = trace_pixels(octree, camera, search)
-    return _hits(octree, camera, traced), seen_luminance(octree, traced.fine, traced.direction)
+    hits, fine, _ = trace_pixels(octree, camera, search)
+    return _lit(octree, hits), seen_luminance(octree, fine, hits.direction)
 
 
 def visits_per_ray(octree: Octree, camera: Camera) -> float:
     """Nodes visited by tiles and packets in `first_hits` per ray; equal on every machine."""
-    return float(trace_pixels(octree, camera)[1].sum() / camera.pixel_count)
+    return float(trace_pixels(octree, camera)[2].sum() / camera.pixel_count)
 
 
 def trace_pixels(
     octree: Octree, camera: Camera, search: Search | None = None, nodes: Nodes | None = None
-) -> tuple[TracedPixels, np.ndarray]:
-    """Hits of all pixels as arrays, and visits by row of tiles (rows,) int64.
+) -> tuple[Hits, np.ndarray, np.ndarray]:
+    """Hits of all pixels, still without luminance; nodes that finer rays hit; visits by row of tiles (rows,) int64.
+
+    These nodes are (P,) int64, -1 for none, or (0,) if the search does not ask for them.
 
     search: None as `first_hits`. nodes: `Octree.exact_nodes` for rays that end on the surface; None: on boxes.
     """
@@ -105,7 +83,9 @@ def trace_pixels(
     if search is None:
         search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth, 1.0)
     pixels = camera.pixel_count
-    traced = TracedPixels(
+    hits = Hits(
+        width_px=camera.width_px,
+        height_px=camera.height_px,
         node=np.empty(pixels, np.int64),
         level=np.empty(pixels, np.int32),
         cell=np.empty((pixels, 3), np.int32),
@@ -115,21 +95,18 @@ def trace_pixels(
         entry_voxel=np.empty((pixels, 3), np.float32),
         direction=np.empty((pixels, 3), np.float32),
         patch_end=np.empty(pixels),
-        fine=np.empty(pixels if search.last >= FINE else 0, np.int64),
+        camera_up=np.array(camera.up, np.float64),
+        luminance=np.empty(0, np.float32),
     )
+    fine = np.empty(pixels if search.last >= FINE else 0, np.int64)
     visits = np.zeros(-(-camera.height_px // TILE), np.int64)
+    traced = hits, fine
     run_parts(_trace_rows, len(visits), octree.nodes if nodes is None else nodes, unit, search, traced, visits)
-    return traced, visits
+    return hits, fine, visits
 
 
-def _hits(octree: Octree, camera: Camera, traced: TracedPixels) -> Hits:
-    return Hits(
-        **{name: values for name, values in traced._asdict().items() if name in _OF_PIXELS},
-        width_px=camera.width_px,
-        height_px=camera.height_px,
-        camera_up=np.asarray(camera.up, np.float64),
-        luminance=seen_luminance(octree, traced.node, traced.direction),
-    )
+def _lit(octree: Octree, hits: Hits) -> Hits:
+    return hits._replace(luminance=seen_luminance(octree, hits.node, hits.direction))
 
 
 def seen_luminance(octree: Octree, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
@@ -165,8 +142,9 @@ def seen_above_white(octree: Octree, hits: Hits) -> np.ndarray:
 
 @kernel
 def _trace_rows(
-    first: int, last: int, nodes: Nodes, camera: CameraUnit, search: Search, traced: TracedPixels, visits: np.ndarray
-) -> None:
+    first: int, last: int, nodes: Nodes, camera: CameraUnit, search: Search, traced: tuple[Hits, np.ndarray],
+    visits: np.ndarray,
+) -> None:  # fmt: skip
     """Trace rows of tiles; writes the number of visits of each."""
     scratch = make_tile(), make_levels()
     for row in range(first, last):
@@ -192,29 +170,30 @@ def _trace_row(nodes, camera, search, first_row, scratch, traced):
 @device
 def _write(camera, search, tile, ray, traced, pixel):
     """Write the hits of a ray of a tile into `traced`."""
+    hits, fine = traced
     node = node_seen(camera, tile, COARSE, ray)
-    traced.node[pixel] = node
+    hits.node[pixel] = node
     for axis in range(3):
-        traced.direction[pixel, axis] = tile.numbers[DIRECTION + axis, ray]
+        hits.direction[pixel, axis] = tile.numbers[DIRECTION + axis, ray]
     if search.last >= FINE:
-        traced.fine[pixel] = node_seen(camera, tile, FINE, ray)
+        fine[pixel] = node_seen(camera, tile, FINE, ray)
     if node < 0:
-        traced.level[pixel] = 0
-        traced.ratio[pixel] = 1.0
-        traced.t_world[pixel] = np.inf
-        traced.z_world[pixel] = np.inf
-        traced.patch_end[pixel] = np.inf
+        hits.level[pixel] = 0
+        hits.ratio[pixel] = 1.0
+        hits.t_world[pixel] = np.inf
+        hits.z_world[pixel] = np.inf
+        hits.patch_end[pixel] = np.inf
         for axis in range(3):
-            traced.cell[pixel, axis] = -1
-            traced.entry_voxel[pixel, axis] = 0.0
+            hits.cell[pixel, axis] = -1
+            hits.entry_voxel[pixel, axis] = 0.0
         return
     t, cells = tile.numbers[LENGTH + COARSE, ray], tile.numbers[CELLS, ray]
     z = t * tile.numbers[SPEED, ray]
-    traced.level[pixel] = lowest_one(np.int64(cells))
-    traced.ratio[pixel] = pixel_voxel_ratio(camera.side_at_0 + camera.side_per_z * z, cells)
-    traced.t_world[pixel] = t * camera.side_world
-    traced.z_world[pixel] = z * camera.side_world
-    traced.patch_end[pixel] = t + _PATCH_SIDES / cells
+    hits.level[pixel] = lowest_one(np.int64(cells))
+    hits.ratio[pixel] = pixel_voxel_ratio(camera.side_at_0 + camera.side_per_z * z, cells)
+    hits.t_world[pixel] = t * camera.side_world
+    hits.z_world[pixel] = z * camera.side_world
+    hits.patch_end[pixel] = t + _PATCH_SIDES / cells
     for axis in range(3):
-        traced.cell[pixel, axis] = tile.numbers[CELL + axis, ray]
-        traced.entry_voxel[pixel, axis] = tile.numbers[ENTRY + axis, ray]
+        hits.cell[pixel, axis] = tile.numbers[CELL + axis, ray]
+        hits.entry_voxel[pixel, axis] = tile.numbers[ENTRY + axis, ray]
