@@ -105,17 +105,16 @@ def wanted_pixels(surface: WantedSurface, camera: Camera) -> Chosen:
     """Pixels of a camera that only Cycles shows correctly: their nearest surface is wanted, or lies behind a box."""
     from ...patchnet_addon.tracing.seen_triangles import Sight
 
-    size = camera.width_px, camera.height_px
-    sight, around = Sight([camera], size), Sight([camera], size)
+    sight, around = Sight(camera), Sight(camera)
     wanted = [np.zeros(0, bool)]
     for batch in surface.source.batches():
         sight.add(batch.corners_world, surface.shown[batch.materials], batch.first_triangle)
         wanted.append(surface.wanted[batch.materials])
-    seen = sight.seen.triangle[0]
+    seen = sight.seen.triangle
     mask: np.ndarray = (seen >= 0) & np.concatenate(wanted)[seen]
     sides = surface.boxes[:, _SIDES].reshape(-1, 3, 3)
     around.add(sides, np.ones(len(sides), bool), 0)
-    surfaces, boxes = sight.seen.depth[0], around.seen.depth[0]
+    surfaces, boxes = sight.seen.depth, around.seen.depth
     mask |= (boxes < surfaces) | any(_is_in(box, camera) for box in surface.boxes)
     return Chosen(mask, float(min(surfaces.min(), boxes.min())))
 

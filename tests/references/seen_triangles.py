@@ -1,25 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reference of `seen_triangles`: each ray of each camera against all triangles (Moeller and Trumbore 1997)."""
+"""Reference of `seen_triangles`: each ray of a camera against all triangles (Moeller and Trumbore 1997)."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 
 from patchnet.patchnet_addon.tracing.camera import PERSPECTIVE, Camera
-from patchnet.patchnet_addon.tracing.seen_triangles import HEIGHT_PX, WIDTH_PX, SeenTriangles
+from patchnet.patchnet_addon.tracing.seen_triangles import SeenTriangles
 
 
-def seen_triangles_reference(cameras: Sequence[Camera], corners_world: np.ndarray) -> SeenTriangles:
+def seen_triangles_reference(camera: Camera, corners_world: np.ndarray) -> SeenTriangles:
     """Reference of `seen_triangles` for corners (N, 3, 3) float64, N > 0."""
-    pictures = [_seen(camera, corners_world) for camera in cameras]
-    return SeenTriangles(*(np.stack(column) for column in zip(*pictures, strict=True)))
-
-
-def _seen(camera: Camera, corners_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    x = (2.0 * np.arange(WIDTH_PX) + 1.0) / WIDTH_PX - 1.0 + camera.shift_x
-    y = (2.0 * np.arange(HEIGHT_PX) + 1.0) / HEIGHT_PX - 1.0 + camera.shift_y
+    width, height = camera.width_px, camera.height_px
+    x = (2.0 * np.arange(width) + 1.0) / width - 1.0 + camera.shift_x
+    y = (2.0 * np.arange(height) + 1.0) / height - 1.0 + camera.shift_y
     across = x[None, :, None] * camera.half_x * np.asarray(camera.right)
     aside = (across + y[:, None, None] * camera.half_y * np.asarray(camera.up)).reshape(-1, 1, 3)  # (R, 1, 3)
     forward, position = np.asarray(camera.forward), np.asarray(camera.position_world)
@@ -39,5 +33,5 @@ def _seen(camera: Camera, corners_world: np.ndarray) -> tuple[np.ndarray, np.nda
     nearest = depth.argmin(axis=1)
     ray = np.arange(len(depth))
     hit = np.isfinite(depth[ray, nearest])
-    shape = HEIGHT_PX, WIDTH_PX
-    return np.where(hit, nearest, -1).reshape(shape), depth[ray, nearest].reshape(shape)
+    shape = height, width
+    return SeenTriangles(np.where(hit, nearest, -1).reshape(shape), depth[ray, nearest].reshape(shape))
