@@ -30,7 +30,6 @@ from ..runtime.vectors import (
     put,
     select,
     smaller,
-    smallest,
     splat,
 )  # fmt: skip
 from .packet_pieces import meet_pieces
@@ -76,8 +75,7 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):
     lanes = tile.lanes[ALIVE, packet] & less(enter, leave)
     if lanes == 0:
         return 1
-    # Below the smaller side a node of this subtree fits every ray, above the larger one it fits none.
-    smallest_side, largest_side = _fitting_sides(search, tile, packet, lanes, (enter, leave))
+    largest_side = _largest_fitting_side(search, tile, packet, lanes, leave)
     visits = 1
     level = top - 1
     while True:
@@ -88,10 +86,7 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):
             if lanes != 0:
                 level += 1
                 size *= 0.5
-                if search.last == COARSE and (size < smallest_side or level + 1 == search.depth):
-                    visits += _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes)
-                else:
-                    _open(nodes, tile, first, mirror, levels, level, lanes)
+                _open(nodes, tile, first, mirror, levels, level, lanes)
         alive = tile.lanes[ALIVE, packet]
         if alive == 0:
             break
@@ -111,15 +106,11 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):
 
 
 @device
-def _fitting_sides(search, tile, packet, lanes, through):
-    """Node sides below which all rays fit and from which none does, for nodes entered and left within the lengths
-    `through`; with a margin for rounding.
-    """
+def _largest_fitting_side(search, tile, packet, lanes, leave):
+    """Node side from which no ray fits, for nodes entered before the lengths `leave`; with a margin for rounding."""
     speed = load(tile.numbers, SPEED * RAYS + packet * LANES)
-    nearest = smallest(select(lanes, through[0] * speed, splat(_FAR)))
-    farthest = largest(select(lanes, through[1] * speed, splat(-_FAR)))
-    near, far = search.at_0 + search.per_z * nearest, search.at_0 + search.per_z * farthest
-    return 2.0 * near * (1.0 - _SAFE), 2.0 * far * (1.0 + _SAFE)
+    farthest = largest(select(lanes, leave * speed, splat(-_FAR)))
+    return 2.0 * (search.at_0 + search.per_z * farthest) * (1.0 + _SAFE)
 
 
 @device
@@ -323,41 +314,3 @@ def _open_pair(found, existing, octant, lanes, along, enter, leave):
         if met != 0:
             pending |= np.int64(1) << (octant + 1)
     return pending
-
-
-@device
-def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):
-    """Stop rays among `lanes` at the first child of a level's node that they hit; returns the visited children.
-
-    For children that stop every ray: only their boxes are read.
-    """
-    (enter_x, leave_x), y, z = _child_planes(tile, packet * LANES, levels, level)
-    existing = mirrored_children(nodes.child_mask[levels.state[level, HERE]], mirror)
-    levels.state[level, PENDING] = 0
-    left, visits = lanes, 0
-    for pair in range(4):
-        if (existing >> (2 * pair)) & 3 == 0:
-            continue
-        low, high = (y.middle, y.high) if pair & 1 else (y.low, y.middle)
-        near, far = (z.middle, z.high) if pair & 2 else (z.low, z.middle)
-        enter, leave = larger(low, near), smaller(high, far)
-        for side in range(2):
-            octant = 2 * pair + side
-            if (existing >> octant) & 1:
-                entry = larger(enter_x[side], enter)
-                met = left & less(entry, smaller(leave_x[side], leave))
-                if met != 0:
-                    visits += 1
-                    step_down(nodes, mirror, levels, level, octant)
-                    here, exit_ = levels.state[level + 1, HERE], smaller(leave_x[side], leave)
-                    if here >= nodes.first_boxed:
-                        entry, exit_ = _box_span(nodes, tile, packet * LANES, mirror, levels, level + 1)
-                        met &= less(entry, exit_)
-                    if met != 0 and _has_pieces(nodes, here):
-                        through = met, entry, exit_
-                        size = 0.5 / (np.int64(1) << level)
-                        met, entry = meet_pieces(nodes, tile, packet, mirror, here, size, through)
-                    left &= ~met
-                    _record(tile, packet, COARSE, levels, level + 1, met, entry)
-    tile.lanes[ALIVE, packet] &= left | ~lanes
-    return visits

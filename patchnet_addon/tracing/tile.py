@@ -78,15 +78,14 @@ class Search(NamedTuple):
     """Search of a tile's rays.
 
     at_0, per_z: side of their pixels at axial distance z is at_0 + per_z * z. finer: scale of the footprint in the
-    phase FINE, a power of two. last: the final phase of a ray. depth: of the octree, or a deeper level. apart: distance
-    of neighbouring rays over the side of their pixels; it changes the order of visits alone.
+    phase FINE, a power of two. last: the final phase of a ray. apart: distance of neighbouring rays over the side of
+    their pixels; it changes the order of visits alone.
     """
 
     at_0: float
     per_z: float
     finer: float
     last: int
-    depth: int
     apart: float
 
 
