@@ -15,6 +15,7 @@ from ...patchnet_addon.image.background import BLACK, Ground, encoded, opaque, o
 from ...patchnet_addon.image.colormaps import colormap
 from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import error_picture, heatmap, overlay, tint
+from ...patchnet_addon.image.unfinished import Unfinished
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps, changed
 from ...patchnet_addon.runtime.quantities import error_text
@@ -26,10 +27,11 @@ from ...patchnet_addon.sampling.refined_picture import RefinedPicture, refined_v
 from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
 from ...patchnet_addon.sampling.report import predicted_report, shown_errors, view_report
 from ...patchnet_addon.sampling.strategy import Strategy
+from ...patchnet_addon.sampling.strokes import Painted
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import uniform_report
 from ...patchnet_addon.tracing.camera import Camera
-from ...patchnet_addon.tracing.pixel_filter import BOX_FILTER, PixelFilter
+from ...patchnet_addon.tracing.pixel_filter import PixelFilter
 from ..settings.groups import ViewSettings
 
 ERROR_MAXIMUM = 0.5  # luminance error at the end of an error picture's legend
@@ -87,61 +89,64 @@ def first_picture(octree: Octree, ground: Ground) -> np.ndarray:
     return opaque(ground.picture(light, hits.hit.astype(np.float32)))
 
 
-def traced_view(
-    coded: CodedOctree, camera: Camera, names: Sequence[str], pixel_filter: PixelFilter | None
-) -> Steps[PixelBuffers]:
-    """Inputs of strategies and of the predicted picture, and the reference if it gets a pixel filter."""
-    tracing = trace_view(
-        coded.octree,
-        camera,
-        [strategy(name) for name in names],
-        coded=coded,
-        reference=pixel_filter is not None,
-        unrefined=PREDICTED,
-        pixel_filter=pixel_filter or BOX_FILTER,
-    )
-    return (yield from tracing)
+def viewed(
+    coded: CodedOctree,
+    ground: Ground,
+    settings: ViewSettings,
+    importance: Painted | None,
+    pixel_filter: PixelFilter,
+    shows: bool,
+) -> Steps[View]:
+    """Preview, predicted picture, priority and refinement of a camera's view, with pictures and figures.
 
-
-def urgent_picture(ranking: Ranking, settings: ViewSettings) -> np.ndarray:
-    """(H, W, 3): heatmap of the priority without a legend."""
-    maximum = settings.heatmap_maximum or ranking.strategy.maximum
-    return colormap(ranking.buffers.picture(ranking.priority) / np.float32(maximum), settings.colormap)
-
-
-def refined_pixels(
-    octree: Octree, ranking: Ranking, settings: ViewSettings, ground: Ground, pixel_filter: PixelFilter
-) -> Steps[RefinedPicture]:
-    """Spend the budget on a ranked view: samples per pixel if they are given, else a share of the pixels.
-
-    From time to time a report brings the unfinished picture (H, W, 3).
+    With `reference` of the settings, also the reference of all pixels, and the errors of all strategies and of uniform
+    pictures. importance: which the caller fills in. shows: some reports bring an `Unfinished` picture.
     """
+    octree, camera, chosen = coded.octree, ground.camera, strategy(settings.strategy)
+    ranking_pixels, strategies = Progress(0, 1, "Ranking pixels"), [chosen]
+    if shows:
+        preview = Unfinished(camera.name, "preview", first_picture(octree, ground))
+        yield Progress(0, 1, "Tracing the preview", partial=preview)
+    buffers = yield from trace_view(octree, camera, [chosen], coded=coded, reference=False, unrefined=PREDICTED)
+    if importance is not None:
+        buffers = replace(buffers, importance=(yield from importance(buffers)))
+    buffers = replace(buffers, unrefined=settings.unrefined)
+    yield ranking_pixels
+    ranking = rank(chosen, buffers, settings.budget)
+    if shows:
+        maximum = np.float32(settings.heatmap_maximum or chosen.maximum)
+        urgent = colormap(buffers.picture(ranking.priority) / maximum, settings.colormap)
+        yield replace(ranking_pixels, partial=Unfinished(camera.name, "heatmap", urgent))
+    refined = yield from _refined(octree, ranking, settings, ground, pixel_filter, shows)
+    if settings.reference:
+        strategies = list(STRATEGIES.values())
+        tracing = trace_view(octree, camera, strategies, coded=coded, unrefined=PREDICTED, pixel_filter=pixel_filter)
+        buffers = replace((yield from tracing), importance=buffers.importance, unrefined=settings.unrefined)
+    yield Progress(0, 1, "Measuring errors" if settings.reference else "Preparing pictures")
+    made = _measured(octree, ground, _rankings(buffers, strategies, ranking), refined, settings)
+    if settings.reference:
+        made.report["uniform"] = yield from uniform_report(octree, camera, buffers)
+    return made
+
+
+def _refined(
+    octree: Octree, ranking: Ranking, settings: ViewSettings, ground: Ground, pixel_filter: PixelFilter, shows: bool
+) -> Steps[RefinedPicture]:
+    """Spend the budget on a ranked view: samples per pixel if they are given, else a share of the pixels."""
     spp, last = settings.spp, time.monotonic()
     begun: list[RefinedPicture] = []
     samples = ranking.refined_samples(settings.refined_samples) if spp is None else ranking.samples(spp)
 
     def shown(report: Progress) -> Progress:
         nonlocal last
-        if not begun or time.monotonic() - last < _SHOWN_S:
+        if not (shows and begun) or time.monotonic() - last < _SHOWN_S:
             return report
         last = time.monotonic()
-        return replace(report, partial=opaque(ground.picture(begun[0].colors, begun[0].alpha)))
+        picture = opaque(ground.picture(begun[0].colors, begun[0].alpha))
+        return replace(report, partial=Unfinished(ground.camera.name, f"refining, {report.fraction:.0%}", picture))
 
     steps = refined_view(octree, ground.camera, ranking, samples, pixel_filter, begun=begun.append)
     return (yield from changed(steps, shown))
-
-
-def measured_view(
-    octree: Octree,
-    ground: Ground,
-    buffers: PixelBuffers,
-    ranking: Ranking,
-    refined: RefinedPicture,
-    settings: ViewSettings,
-) -> View:
-    """Figures and pictures of a refined view; buffers: with the reference, of all strategies, where it is wanted."""
-    strategies = list(STRATEGIES.values()) if settings.reference else [ranking.strategy]
-    return _measured(octree, ground, _rankings(buffers, strategies, ranking), refined, settings)
 
 
 def mean_and_coverage(octree: Octree, camera: Camera, rays: int) -> Steps[tuple[np.ndarray, np.ndarray]]:
@@ -159,11 +164,6 @@ def reason_unseen(octree: Octree, camera: Camera, brightest: float) -> str | Non
     from ...patchnet_addon.tracing.render import first_hits
 
     return why_unseen(octree, camera, first_hits(octree, camera), brightest)
-
-
-def uniform_figures(octree: Octree, camera: Camera, buffers: PixelBuffers) -> Steps[dict[str, Any]]:
-    """Figures of pictures with equally many samples in all pixels."""
-    return (yield from uniform_report(octree, camera, buffers))
 
 
 def _rankings(buffers: PixelBuffers, strategies: Sequence[Strategy], chosen: Ranking) -> dict[str, dict[str, Ranking]]:

@@ -20,7 +20,6 @@ from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.sampling.importance import PixelRect
-from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strokes import Lookup, Painted
 from ...patchnet_addon.surface.chroma import REC709
 from ..scene.render_geometry import render_geometry, shown_instances, shows_mesh
@@ -97,12 +96,6 @@ def read_strokes(importance: Importance, scope: str, depsgraph: bpy.types.Depsgr
         with render_geometry(depsgraph):
             return Strokes(surface=PaintedSurface(depsgraph, scope, importance.vertex_group))
     return Strokes(picture=painted_image(importance.image))
-
-
-def pixel_importance(importance: Importance, scope: str, grid: Grid, buffers: PixelBuffers) -> Steps[np.ndarray]:
-    """(P,) float32 in [0, 1] for the pixels of a view of the open scene, as `read_strokes` finds them."""
-    strokes = read_strokes(importance, scope, bpy.context.evaluated_depsgraph_get())
-    return (yield from strokes.answering(strokes.weights(grid)(buffers)))
 
 
 def importance_key(importance: Importance | None) -> str:
