@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.octree.pieces import Pieces
 from ...patchnet_addon.process.computed import computed
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.patchnet_plus import estimators_fit
@@ -23,8 +23,8 @@ from .packing import (
     coded_word_count,
     estimator_block,
     film_words,
-    first_piece_words,
     layer_blocks,
+    packed,
 )
 from .shaders import (
     DECODER,
@@ -93,17 +93,16 @@ class CardOctree:
 
     def upload(self, octree: Octree) -> Steps[None]:
         """Pack and upload one texture after the other: all that pictures need."""
-        for name, pack in OCTREE_WORDS.items():
-            yield from self._add(name, pack, octree)
-        if octree.pieces is not None:
-            yield from self._add("first_pieces", first_piece_words, octree)
-            for name, pack_pieces in PIECE_WORDS.items():
-                yield from self._add(name, pack_pieces, octree.pieces)
+        for name in OCTREE_WORDS:
+            if name != "first_pieces" or self.exact:
+                yield from self._add(name, octree)
+        for name in PIECE_WORDS if self.exact else ():
+            yield from self._add(name, octree.pieces)
 
     def upload_codes(self, coded: CodedOctree) -> Steps[None]:
         """Pack and upload what the decoder needs beside that; codes of weights that `packing.fits_card` has."""
-        for name, pack in CODED_WORDS.items():
-            yield from self._add(name, pack, coded)
+        for name in CODED_WORDS:
+            yield from self._add(name, coded)
         for name, values in zip(LAYER_BLOCKS, layer_blocks(coded.weights), strict=True):
             self._bound[name] = self.device.block(values)
         self._coded_words, self._width = coded_word_count(coded), coded.weights.kind.width
@@ -111,9 +110,9 @@ class CardOctree:
         if self.estimates:
             self._bound["estimator"] = self.device.block(estimator_block(estimators_of(coded.weights)))
 
-    def _add(self, name: str, pack: Callable[[Any], np.ndarray], packed: Any) -> Steps[None]:
+    def _add(self, name: str, source: Octree | Pieces | CodedOctree | None) -> Steps[None]:
         """Let the engine pack a texture, and upload it."""
-        words = yield from computed(pack, packed, at=Progress(len(self._bound), 0, "Uploading the octree"))
+        words = yield from computed(packed, source, name, at=Progress(len(self._bound), 0, "Uploading the octree"))
         before = self._bound.pop(name, None)
         self._bound[name] = self.device.texture(words)
         self.nbytes += words.nbytes if before is None else 0

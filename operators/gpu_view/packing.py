@@ -9,6 +9,7 @@ with pieces 4 a node, 12 a piece, 72 a triangle of them and 4 a texel.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -135,41 +136,6 @@ def rank_words(octree: Octree, coded: CodedOctree | None) -> np.ndarray:
     return words
 
 
-def plain_rank_words(octree: Octree) -> np.ndarray:
-    """`rank_words` of an octree without codes."""
-    return rank_words(octree, None)
-
-
-def coded_rank_words(coded: CodedOctree) -> np.ndarray:
-    """`rank_words` of an octree with codes."""
-    return rank_words(coded.octree, coded)
-
-
-def code_words(coded: CodedOctree) -> np.ndarray:
-    """Words (n, 4) uint32 of the first eight numbers of each corner's code."""
-    return np.ascontiguousarray(coded.codes[:, :8]).view(np.uint32)
-
-
-def code_end_words(coded: CodedOctree) -> np.ndarray:
-    """Words (n, 1) uint32 of the other two."""
-    return np.ascontiguousarray(coded.codes[:, 8:]).view(np.uint32)
-
-
-def cell_words(coded: CodedOctree) -> np.ndarray:
-    """Words (n, 4) uint32 of the cells of corners."""
-    return np.ascontiguousarray(coded.corner_cells).reshape(-1, 4)
-
-
-def corner_row_words(coded: CodedOctree) -> np.ndarray:
-    """Words (n, 1) uint32 of the rows of corners."""
-    return coded.corner_rows.reshape(-1, 1)
-
-
-def normal_words(coded: CodedOctree) -> np.ndarray:
-    """Words (n, 1) uint32 of mean normals, x, y and z as signed bytes."""
-    return np.pad(coded.octree.normal, ((0, 0), (0, 1))).view(np.uint32)
-
-
 def coded_word_count(coded: CodedOctree) -> int:
     """How many words of `rank_words` may name coded nodes; those behind have none."""
     return 2 * len(coded.nodes.bits)
@@ -206,36 +172,6 @@ def estimator_block(estimators: Estimators) -> np.ndarray:
     ends = np.zeros((UNITS + 1, 4), np.float32)
     ends[:-1, :2], ends[-1, :2] = last[0].T, last[1]
     return np.concatenate([inputs.ravel(), first[1], second[0].T.ravel(), second[1], ends.ravel()])
-
-
-def first_piece_words(octree: Octree) -> np.ndarray:
-    """Words (n, 1) uint32: the first piece of each leaf."""
-    return octree.first_child.reshape(-1, 1)
-
-
-def triangle_words(pieces: Pieces) -> np.ndarray:
-    """Words (n, 1) uint32: the triangle of each piece."""
-    return pieces.triangle.reshape(-1, 1)
-
-
-def light_words(pieces: Pieces) -> np.ndarray:
-    """Words (n, C) uint32: light of each piece."""
-    return pieces.light
-
-
-def uv_words(pieces: Pieces) -> np.ndarray:
-    """Words (n, 2) uint32: UVs of triangles' corners as floats."""
-    return np.ascontiguousarray(pieces.uvs[:, :DETAIL]).view(np.uint32).reshape(-1, 2)
-
-
-def texel_words(pieces: Pieces) -> np.ndarray:
-    """Words (n, 1) uint32 of texels."""
-    return pieces.textures.texels.reshape(-1, 1)
-
-
-def mip_words(pieces: Pieces) -> np.ndarray:
-    """Words (n, C) uint32 of levels of mip chains."""
-    return np.pad(pieces.textures.levels, ((0, 0), (0, 1))).astype(np.uint32)
 
 
 def corner_words(pieces: Pieces) -> np.ndarray:
@@ -285,34 +221,46 @@ def padded(words: np.ndarray) -> np.ndarray:
     return full.reshape(rows, WIDTH, channels)
 
 
-# Textures by name, and what packs them: those that tracing and colours need, those of pieces beside the nodes' first
-# ones, and those that the decoder needs, too.
-# Of corner codes a word is two halves, of mean normals x, y and z as signed bytes.
+# What packs the textures of an octree, of its pieces and of its codes, by name, as words (n, C) uint32. Only an octree
+# with pieces has first ones; codes bring ranks of their own.
 OCTREE_WORDS: dict[str, Callable[[Octree], np.ndarray]] = {
     "nodes": node_words,
     "hues": hue_words,
     "sides": side_words,
     "bright": bright_words,
-    "ranks": plain_rank_words,
-}
-CODED_WORDS: dict[str, Callable[[CodedOctree], np.ndarray]] = {
-    "codes": code_words,
-    "code_ends": code_end_words,
-    "cells": cell_words,
-    "corner_rows": corner_row_words,
-    "normals": normal_words,
-    "ranks": coded_rank_words,
+    "ranks": lambda octree: rank_words(octree, None),
+    "first_pieces": lambda octree: octree.first_child.reshape(-1, 1),
 }
 PIECE_WORDS: dict[str, Callable[[Pieces], np.ndarray]] = {
-    "pieces": triangle_words,
-    "lights": light_words,
+    "pieces": lambda pieces: pieces.triangle.reshape(-1, 1),
+    "lights": lambda pieces: pieces.light,
     "corners": corner_words,
-    "uvs": uv_words,
-    "texels": texel_words,
-    "mips": mip_words,
+    "uvs": lambda pieces: _bits(pieces.uvs[:, :DETAIL]).reshape(-1, 2),  # floats
+    "texels": lambda pieces: pieces.textures.texels.reshape(-1, 1),
+    "mips": lambda pieces: np.pad(pieces.textures.levels, ((0, 0), (0, 1))).astype(np.uint32),
     "chains": chain_words,
     "materials": material_words,
 }
+CODED_WORDS: dict[str, Callable[[CodedOctree], np.ndarray]] = {
+    "codes": lambda coded: _bits(coded.codes[:, :8]),  # halves, the first eight of each corner
+    "code_ends": lambda coded: _bits(coded.codes[:, 8:]),  # the other two
+    "cells": lambda coded: np.ascontiguousarray(coded.corner_cells).reshape(-1, 4),
+    "corner_rows": lambda coded: coded.corner_rows.reshape(-1, 1),
+    "normals": lambda coded: _bits(np.pad(coded.octree.normal, ((0, 0), (0, 1)))),  # x, y and z as signed bytes
+    "ranks": lambda coded: rank_words(coded.octree, coded),
+}
+_WORDS: dict[type, dict[str, Callable[[Any], np.ndarray]]] = {
+    Octree: OCTREE_WORDS, Pieces: PIECE_WORDS, CodedOctree: CODED_WORDS
+}  # fmt: skip
+
+
+def packed(source: Octree | Pieces | CodedOctree, name: str) -> np.ndarray:
+    """Words of a texture by its name."""
+    return _WORDS[type(source)][name](source)
+
+
+def _bits(values: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(values).view(np.uint32)
 
 
 def card_bytes(octree: Octree) -> int:
