@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...patchnet_addon.image.background import Ground
-from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.adaptive import Pace, in_batches
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
@@ -151,9 +151,8 @@ class CyclesView:
     warnings: tuple[str, ...] = ()
 
 
-def own_rays(view: View, pixels: np.ndarray) -> Steps[PixelMeans]:
+def _own_rays(view: View, pixels: np.ndarray) -> Steps[PixelMeans]:
     """Means over OWN_SIDE x OWN_SIDE rays, as in renders of the engine, in pixels (N,) of all P; 0 in the others."""
-    from ...patchnet_addon.tracing.pixel_means import PixelMeans
     from ...patchnet_addon.tracing.supersample import supersample_pixels
 
     octree, camera = view.octree, view.camera
@@ -168,9 +167,12 @@ def own_rays(view: View, pixels: np.ndarray) -> Steps[PixelMeans]:
     return own
 
 
-def composited(view: View, mask: np.ndarray, own: PixelMeans, renders: Renders, settings: CyclesSettings) -> CyclesView:
+def composited(view: View, mask: np.ndarray, renders: Renders, settings: CyclesSettings) -> Steps[CyclesView]:
     """View of which Cycles has rendered the pixels of `mask`, with errors of all pictures where these are known."""
     buffers, camera, exposure = view.buffers, view.camera, view.octree.exposure
+    own = yield from _own_rays(view, np.flatnonzero(~mask))
+    if settings.compare:
+        yield Progress(0, 1, f"{camera.name}: measuring Cycles' pictures")
     score = np.nan_to_num(np.maximum(view.ranking.priority, 0.0))
     priority = buffers.picture(np.where(buffers.active, score, np.float32(0.0)))
     total, held = (float(priority[where].sum(dtype=np.float64)) for where in (..., mask))

@@ -146,14 +146,14 @@ def _shade(clipped: ClippedSurface, lit: SurfaceLight, settings: JobSettings, bu
     return lit.shade
 
 
-def stand_in_octree(source: MeshSource, grid: Grid, settings: JobSettings, provenance: dict[str, Any]) -> Steps[Octree]:
+def stand_in_octree(source: MeshSource, grid: Grid, settings: JobSettings) -> Steps[Octree]:
     """Coarse octree in two lights without shadows, which is shown before the bake."""
     from ...patchnet_addon.octree.voxelize import ClippedSurface
 
     clipped = ClippedSurface(source, grid, keep_bytes=0)
     settings = settings.changed(exposure=None, shape=BOX_SHAPE)
     lit = _two_lights(source, settings.light)
-    return (yield from build_octree(clipped, None, lit, settings, Building(TWO_LIGHTS, provenance)))
+    return (yield from build_octree(clipped, None, lit, settings, Building(TWO_LIGHTS, {})))
 
 
 def coded_octree(octree: Octree, weights: Weights, network: NetworkSettings) -> Steps[tuple[CodedOctree, str]]:

@@ -16,7 +16,7 @@ from ...patchnet_addon.process.computed import computed
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.tracing.camera import Camera
-from ..computing.cycles_pixels import Chosen, CyclesView, Renders, WantedSurface, composited, own_rays, wanted_pixels
+from ..computing.cycles_pixels import Chosen, CyclesView, Renders, WantedSurface, composited, wanted_pixels
 from ..computing.views import View
 from ..cycles.daylight import has_light
 from ..cycles.pixel_renders import pixel_renders
@@ -87,9 +87,7 @@ def refine_view(
     light = WITH_GLOSS if settings.light == DIFFUSE and gloss else settings.light
     renders = yield from _rendered(context, camera, wanted._replace(mask=mask), (settings, light), added)
     tracing = Progress(0, 1, f"{camera.name}: tracing all others")
-    own = yield from computed(own_rays, view, np.flatnonzero(~mask), at=tracing)
-    label = f"{camera.name}: measuring Cycles' pictures" if settings.compare else choosing.label
-    result = yield from computed(composited, view, mask, own, renders, settings, at=Progress(0, 1, label))
+    result: CyclesView = yield from computed(composited, view, mask, renders, settings, at=tracing)
     left = float((wanted.mask & ~mask).mean())
     result.report["wanted"] = {"pixels_share": float(wanted.mask.mean()), "left_share": left}
     return replace(result, warnings=(_LEFT.format(name=camera.name, left=left),) if left else ())

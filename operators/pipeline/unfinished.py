@@ -16,9 +16,7 @@ from ...patchnet_addon.tracing.camera import Camera
 from ..computing.grids import GridChoice
 from ..computing.octrees import stand_in_octree
 from ..computing.views import first_picture
-from ..schema.values import TWO_LIGHTS
 from ..settings.job_settings import JobSettings
-from .stages import provenance
 
 STAND_IN_DEPTH = 8  # largest depth of the voxels that are shown before the bake
 STAND_IN = "two lights, until baked"
@@ -47,6 +45,5 @@ def stand_in_look(
     It is fast, and shows the objects and the camera of the bake.
     """
     grid = Grid.around(settings.surface.bounds_world(source), min(choice.grid.depth, STAND_IN_DEPTH))
-    entries = provenance(source, settings, TWO_LIGHTS)
-    octree = yield from computed(stand_in_octree, source, grid, settings, entries, at=Progress(0, 1, "Voxelizing"))
+    octree = yield from computed(stand_in_octree, source, grid, settings, at=Progress(0, 1, "Voxelizing"))
     yield from first_look(octree, camera, meanwhile, STAND_IN)
