@@ -11,10 +11,11 @@ import numpy as np
 from mathutils import Vector
 
 from ..computing.demo_textures import courtyard_pictures
+from ..scene.images import srgb_to_linear
 from ..scene_access.blender_version import start_nodes
 from . import furniture, ironwork, masonry, plants
 from .geometry import add_object
-from .materials import linear, make_materials
+from .materials import make_materials
 
 FIELD_OF_VIEW = float(np.radians(50.0))
 # Name: (position, target) in metres. Far and Middle have the distances that look-ahead needs at 192 pixels.
@@ -105,7 +106,7 @@ def _sky() -> bpy.types.World:
     ramp.color_ramp.elements.remove(ramp.color_ramp.elements[1])
     for number, (position, colour) in enumerate(stops):
         stop = ramp.color_ramp.elements[0] if number == 0 else ramp.color_ramp.elements.new(position)
-        stop.position, stop.color = position, (*linear(colour), 1.0)
+        stop.position, stop.color = position, (*srgb_to_linear(np.array(colour)), 1.0)
     background.inputs["Strength"].default_value = 0.9
     links.new(place.outputs["Generated"], split.inputs["Vector"])
     links.new(split.outputs["Z"], height.inputs["Value"])

@@ -184,15 +184,12 @@ def scatter(
     prototype: bpy.types.Object,
     points: np.ndarray,
     rotations: np.ndarray,
-    scales: np.ndarray | None = None,
 ) -> bpy.types.Object:
-    """Object that instances `prototype` at points (n, 3) with Euler angles (n, 3) and scales (n, 3)."""
+    """Object that instances `prototype` at points (n, 3) with Euler angles (n, 3)."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(np.asarray(points, float).tolist(), [], [])
-    values = {"rotation": rotations, "scale": np.ones((len(points), 3)) if scales is None else scales}
-    for key, array in values.items():
-        attribute = mesh.attributes.new(key, "FLOAT_VECTOR", "POINT")
-        attribute.data.foreach_set("vector", np.asarray(array, np.float32).ravel())
+    attribute = mesh.attributes.new("rotation", "FLOAT_VECTOR", "POINT")
+    attribute.data.foreach_set("vector", np.asarray(rotations, np.float32).ravel())
     item = add_object(collection, name, mesh)
     item.modifiers.new("Instances", "NODES").node_group = _instance_nodes(name, prototype)
     return item
@@ -208,12 +205,11 @@ def _instance_nodes(name: str, prototype: bpy.types.Object) -> bpy.types.NodeTre
     info.inputs["As Instance"].default_value = True
     tree.links.new(source.outputs[0], instances.inputs["Points"])
     tree.links.new(info.outputs["Geometry"], instances.inputs["Instance"])
-    for key in ("rotation", "scale"):
-        attribute = tree.nodes.new("GeometryNodeInputNamedAttribute")
-        attribute.data_type = "FLOAT_VECTOR"
-        attribute.inputs["Name"].default_value = key
-        value = next(socket for socket in attribute.outputs if socket.enabled and socket.name == "Attribute")
-        tree.links.new(value, instances.inputs[key.capitalize()])
+    attribute = tree.nodes.new("GeometryNodeInputNamedAttribute")
+    attribute.data_type = "FLOAT_VECTOR"
+    attribute.inputs["Name"].default_value = "rotation"
+    value = next(socket for socket in attribute.outputs if socket.enabled and socket.name == "Attribute")
+    tree.links.new(value, instances.inputs["Rotation"])
     tree.links.new(instances.outputs["Instances"], output.inputs[0])
     return tree
 

@@ -10,13 +10,8 @@ import bpy
 import numpy as np
 
 from ..computing.demo_textures import LEAVES, Colour
+from ..scene.images import srgb_to_linear
 from ..scene_access.blender_version import start_nodes
-
-
-def linear(colour: Colour) -> np.ndarray:
-    """Linear light of an sRGB colour (3,)."""
-    value = np.asarray(colour, float)
-    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
 def principled(
@@ -41,7 +36,7 @@ def principled(
     shader.inputs["Specular IOR Level"].default_value = specular
     for key, value in inputs.items():
         shader.inputs[key].default_value = value
-    rgba = (*linear(colour if colour is not None else (1, 1, 1)), 1.0)
+    rgba = (*srgb_to_linear(np.asarray(colour or (1.0, 1.0, 1.0))), 1.0)
     shader.inputs["Base Color"].default_value = rgba
     material.diffuse_color = rgba
     if emission:

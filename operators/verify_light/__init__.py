@@ -60,7 +60,6 @@ class CameraCheck:
     cycles: np.ndarray
     octree: np.ndarray
     report: dict[str, Any]
-    whole: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
