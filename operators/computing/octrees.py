@@ -20,7 +20,7 @@ from ...patchnet_addon.runtime.progress import Steps, labelled
 from ...patchnet_addon.surface.light import SurfaceLight
 from ...patchnet_addon.surface.mesh import MeshSource, RotatedSource, ShadingFn, random_rotation
 from ..schema.values import BOX_SHAPE, EXACT_SHAPE, TWO_LIGHTS, WHOLE_SHAPE
-from ..settings.groups import NETWORK_DEVICE, LightSettings, NetworkSettings
+from ..settings.groups import NETWORK_DEVICE, NetworkSettings
 from ..settings.job_settings import JobSettings
 
 if TYPE_CHECKING:  # they bring numba, which only the engine imports
@@ -32,61 +32,54 @@ _FRAGMENTS_SHARE = 1 / 8  # of the memory, for the pieces of the surface in leav
 
 
 class CutSurface(NamedTuple):
-    """Surface cut into the fragments of its leaves, and how many of these are expected."""
+    """Surface cut into the fragments of its leaves, and how many of these are expected.
+
+    turned: the surface in a random rotation, None without one.
+    """
 
     clipped: Remote[ClippedSurface]
     fragments: float
+    turned: Remote[ClippedSurface] | None
 
 
 @dataclass(frozen=True, eq=False)
 class LitSurface:
-    """Light of a surface.
+    """Light of a surface, None where that follows from the surface alone.
 
     warnings: sentences about what was left out. notes: entries of the octree's file, as plain JSON values. reused:
     share of its paths that an earlier bake had traced.
     """
 
-    light: Remote[SurfaceLight]
+    light: Remote[SurfaceLight] | None = None
     notes: dict[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     reused: float = 0.0
 
 
-def cut_surface(source: MeshSource, grid: Grid, layout: LeafLevels | None, settings: JobSettings) -> CutSurface:
-    """Cut a surface."""
+def cut_surface(
+    source: MeshSource, grid: Grid, layout: LeafLevels | None, settings: JobSettings, rotation: int
+) -> CutSurface:
+    """Cut a surface. rotation: seed of a random one, 0 for none."""
     from ...patchnet_addon.octree.voxelize import ClippedSurface
 
-    keep_bytes = _FRAGMENTS_SHARE * (settings.surface.memory_bytes or available_memory())
+    keep_bytes, turned = _FRAGMENTS_SHARE * (settings.surface.memory_bytes or available_memory()), None
     clipped = ClippedSurface(source, grid, layout, keep_bytes=keep_bytes, color=settings.light.color)
-    return CutSurface(Remote(clipped), clipped.expected)
+    if rotation:
+        rotated = RotatedSource(source, random_rotation(rotation))
+        around = Grid.around(rotated.bounds_world, grid.depth)
+        turned = Remote(ClippedSurface(rotated, around, color=settings.light.color))
+    return CutSurface(Remote(clipped), clipped.expected, turned)
 
 
-def turned_surface(source: MeshSource, seed: int, depth: int, settings: JobSettings) -> Remote[ClippedSurface]:
-    """Cut a surface in a random rotation."""
-    from ...patchnet_addon.octree.voxelize import ClippedSurface
+def _without_bake(source: MeshSource, color: bool, building: Building) -> SurfaceLight:
+    """Surface's own colour, or the paper's two lights, from the default direction or a random one."""
+    from ...patchnet_addon.surface.shading import DIRECTION, albedo_shade, two_lights_shade
 
-    rotated = RotatedSource(source, random_rotation(seed))
-    grid = Grid.around(rotated.bounds_world, depth)
-    return Remote(ClippedSurface(rotated, grid, color=settings.light.color))
-
-
-def own_color(source: MeshSource, light: LightSettings) -> LitSurface:
-    """Colour of the surface itself, before any light is baked."""
-    from ...patchnet_addon.surface.shading import albedo_shade
-
-    return LitSurface(Remote(SurfaceLight(albedo_shade(source, color=light.color), _reflects(source))))
-
-
-def two_lights(source: MeshSource, light: LightSettings, rotation: int = 0) -> LitSurface:
-    """Surface in the paper's two lights, from the default direction or a random one."""
-    return LitSurface(Remote(_two_lights(source, light, rotation)))
-
-
-def _two_lights(source: MeshSource, light: LightSettings, rotation: int = 0) -> SurfaceLight:
-    from ...patchnet_addon.surface.shading import DIRECTION, two_lights_shade
-
-    x, y, z = np.random.default_rng(rotation).normal(size=3).tolist() if rotation else DIRECTION
-    return SurfaceLight(two_lights_shade(source, (x, y, z), color=light.color), _reflects(source))
+    if building.light == UNLIT:
+        return SurfaceLight(albedo_shade(source, color=color), _reflects(source))
+    seed = building.rotation
+    x, y, z = np.random.default_rng(seed).normal(size=3).tolist() if seed else DIRECTION
+    return SurfaceLight(two_lights_shade(source, (x, y, z), color=color), _reflects(source))
 
 
 def _reflects(source: MeshSource) -> np.ndarray:
@@ -111,15 +104,16 @@ class Building(NamedTuple):
 def build_octree(
     clipped: ClippedSurface,
     turned: ClippedSurface | None,
-    lit: SurfaceLight,
+    lit: SurfaceLight | None,
     settings: JobSettings,
     building: Building,
 ) -> Steps[Octree]:
-    """Octree of a surface in its light; turned: the rotated surface, which is built instead."""
+    """Octree of a surface in its light, None without a bake; turned: the rotated surface, which is built instead."""
     from ...patchnet_addon.octree.build import build_clipped
     from ...patchnet_addon.octree.voxelize import LeafDetail
     from ...patchnet_addon.surface.texture_lookup import BaseColors
 
+    lit = lit or _without_bake(clipped.source, settings.light.color, building)
     if building.is_last:
         clipped.let_go()
     shade, is_unlit, shape = _shade(clipped, lit, settings, building), building.light == UNLIT, settings.surface.shape
@@ -152,8 +146,7 @@ def stand_in_octree(source: MeshSource, grid: Grid, settings: JobSettings) -> St
 
     clipped = ClippedSurface(source, grid, keep_bytes=0)
     settings = settings.changed(exposure=None, shape=BOX_SHAPE)
-    lit = _two_lights(source, settings.light)
-    return (yield from build_octree(clipped, None, lit, settings, Building(TWO_LIGHTS, {})))
+    return (yield from build_octree(clipped, None, None, settings, Building(TWO_LIGHTS, {})))
 
 
 def coded_octree(octree: Octree, weights: Weights, network: NetworkSettings) -> Steps[tuple[CodedOctree, str]]:

@@ -27,16 +27,7 @@ from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.surface.scene_mesh import SceneMesh
 from ...patchnet_addon.tracing.camera import Camera
 from ..computing.grids import GridChoice, load_network
-from ..computing.octrees import (
-    UNLIT,
-    Building,
-    LitSurface,
-    build_octree,
-    cut_surface,
-    own_color,
-    turned_surface,
-    two_lights,
-)
+from ..computing.octrees import UNLIT, Building, LitSurface, build_octree, cut_surface
 from ..cycles.bake.gloss_passes import baked_with_gloss, seen_through, with_view
 from ..cycles.daylight import has_light
 from ..scene.cameras import AUTO, choose_cameras, looking_cameras
@@ -203,19 +194,16 @@ def light_octree(
     """
     overrides, source, settings = surface.overrides, surface.source, surface.settings
     coarse = light_warnings(source, choice.grid) if surface.is_baked else ()
-    clipping, turned = Progress(0, 1, "Planning the voxels"), None
     with clock.stage("voxelize"):
-        cut = yield from computed(cut_surface, source, choice.grid, choice.layout, settings, at=clipping)
-        if overrides.rotation:
-            wanted = source, overrides.rotation, choice.grid.depth, settings
-            turned = yield from computed(turned_surface, *wanted, at=clipping)
+        wanted = source, choice.grid, choice.layout, settings, overrides.rotation
+        cut = yield from computed(cut_surface, *wanted, at=Progress(0, 1, "Planning the voxels"))
 
     def built(lit: LitSurface, *, is_last: bool = False) -> Steps[LitOctree]:
         kind = UNLIT if overrides.unlit else settings.light.kind
         entries = provenance(source, settings, kind) | lit.notes | _scene_entries(surface)
         building = Building(kind, entries, overrides.rotation, overrides.bisect, is_last)
         with clock.stage("voxelize"):
-            parts = cut.clipped, turned, lit.light, settings, building
+            parts = cut.clipped, cut.turned, lit.light, settings, building
             octree = yield from computed(build_octree, *parts, at=Progress(0, 1, "Voxelizing"))
         thin = thin_warnings(source, choice.grid, choice.cameras)
         own_color = () if surface.is_baked else source.color_warnings
@@ -254,12 +242,9 @@ def _light(
     """Light of the surface by the settings."""
     from ..cycles.bake import BakeJob, bake_light
 
-    overrides, settings = surface.overrides, surface.settings
-    reading = Progress(0, 1, "Reading textures")
-    if overrides.unlit:
-        return (yield from computed(own_color, surface.source, settings.light, at=reading))
+    settings = surface.settings
     if not surface.is_baked:
-        return (yield from computed(two_lights, surface.source, settings.light, overrides.rotation, at=reading))
+        return LitSurface()
     job = BakeJob(
         context=context,
         source=surface.source,
