@@ -47,7 +47,7 @@ class Expected(NamedTuple):
     """Expectation of an octree: its grid, leaves with their memory, and the share of hit pixels with look-ahead.
 
     rough_leaves: before what a rough fit misses. fragments: see `plan_passes`. peak_bytes: of building; free_bytes:
-    limit. lookahead: levels.
+    limit. lookahead_share: None if no camera sees anything. lookahead: levels.
     """
 
     grid: Grid

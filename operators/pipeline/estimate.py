@@ -33,22 +33,16 @@ _BYTES_PER_CODED = 12.2 + 2.2 * 20  # index, and codes shared with neighbours
 class Estimate:
     """Expected figures of a job.
 
-    fitted: leaves follow the cameras, most are coarser than `depth`. layers: see `layers_of`. peak_bytes: of
-    building; free_bytes: limit. lookahead_share: of hit pixels, None if no camera sees anything. paths: of the
+    fitted: leaves follow the cameras, most are coarser than the octree's depth. layers: see `layers_of`. paths: of the
     bake, 0 without one. seconds: by stage. time_line, made_for, lines: time, surface and views, and figures in
     words. notes: omissions and approximations that are known without a bake. settings: of the scene at the
     estimate. outdated: the scene may have changed since.
     """
 
-    depth: int
+    expected: Expected
     fitted: bool
     layers: float
-    leaves: int
-    octree_bytes: int
     codes_bytes: int
-    peak_bytes: int
-    free_bytes: int
-    lookahead_share: float | None
     paths: float
     made_for: tuple[str, str]
     seconds: dict[str, float]
@@ -61,7 +55,7 @@ class Estimate:
     @property
     def too_large(self) -> bool:
         """Return whether building would not fit into memory."""
-        return self.peak_bytes > self.free_bytes
+        return self.expected.peak_bytes > self.expected.free_bytes
 
 
 def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Estimate]:
@@ -78,7 +72,7 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
         of_light = gloss_warnings(source, with_view(context.scene, light, views.cameras, track=settings.surface.track))
     notes = (*focus_warnings(context.scene, cameras), *source.warnings, *of_light)
     found = replace(_estimate(settings, (yield from steps), source, cameras, fit), notes=notes)
-    side = settings.surface.voxel_size_world or Grid.around(bounds_world, found.depth).voxel_size_world
+    side = settings.surface.voxel_size_world or Grid.around(bounds_world, found.expected.grid.depth).voxel_size_world
     device = device_text(context, settings.light.device) if light.is_baked else ""
     found.lines = _lines(found, length_text(context.scene, side), device, encoder_text(settings.network))
     return found
@@ -94,16 +88,11 @@ def _estimate(
     work = work_of(settings, pixels=pixels, triangles=source.triangle_count, leaves=layers * leaves, cameras=fit)
     seconds = rates.seconds(work)
     return Estimate(
-        depth=expected.grid.depth,
+        expected=expected,
         fitted=settings.surface.is_fitted,
         layers=layers,
-        leaves=leaves,
-        octree_bytes=expected.octree_bytes,
         # Nodes with look-ahead, that many levels above the leaves and further up, are this share of the leaves.
         codes_bytes=int(leaves / (3.0 * 4.0 ** (expected.lookahead - 1)) * _BYTES_PER_CODED),
-        peak_bytes=expected.peak_bytes,
-        free_bytes=expected.free_bytes,
-        lookahead_share=expected.lookahead_share,
         paths=light_paths(settings, fit, leaves=leaves) if light.is_baked else 0.0,
         made_for=_made_for(source, cameras, fit),
         seconds=seconds,
@@ -123,12 +112,12 @@ def _made_for(source: SceneMesh, cameras: Sequence[Camera], fit: Sequence[Camera
 
 def _lines(found: Estimate, voxel_side: str, device: str, encoder: str) -> list[str]:
     """Estimate in words. voxel_side: with its unit. device, encoder: their names."""
+    expected, share = found.expected, found.expected.lookahead_share
     most = "Up to depth" if found.fitted else "Depth"
-    lines = [f"{most} {found.depth}, voxel side {voxel_side}"]
-    lines.append(f"About {count_text(found.leaves)} voxels")
-    lines.append(f"Building takes {bytes_text(found.peak_bytes)} of {bytes_text(found.free_bytes)}")
-    lines.append(f"Octree {bytes_text(found.octree_bytes)}, look-ahead {bytes_text(found.codes_bytes)}")
-    share = found.lookahead_share
+    lines = [f"{most} {expected.grid.depth}, voxel side {voxel_side}"]
+    lines.append(f"About {count_text(expected.leaves)} voxels")
+    lines.append(f"Building takes {bytes_text(expected.peak_bytes)} of {bytes_text(expected.free_bytes)}")
+    lines.append(f"Octree {bytes_text(expected.octree_bytes)}, look-ahead {bytes_text(found.codes_bytes)}")
     lines.append("No camera sees anything" if share is None else f"Look-ahead on {share:.0%} of pixels")
     if found.paths:
         lines.append(f"Bake: about {count_text(found.paths)} paths")

@@ -22,13 +22,13 @@ def test_estimate(scene: bpy.types.Scene) -> None:
     assert bpy.ops.patchnet.estimate(depth=7, size=(24, 16), max_samples=4) == {"FINISHED"}
     assert_unchanged(before)
     found = session_of(scene).estimate
-    assert results.result_of(scene) is None and found.depth == 7 and not found.too_large
+    assert results.result_of(scene) is None and found.expected.grid.depth == 7 and not found.too_large
     made = small_preview()
-    assert found.leaves == pytest.approx(made.octree.leaf_count, rel=0.3)
-    assert found.octree_bytes == pytest.approx(made.octree.nbytes, rel=0.3)
+    assert found.expected.leaves == pytest.approx(made.octree.leaf_count, rel=0.3)
+    assert found.expected.octree_bytes == pytest.approx(made.octree.nbytes, rel=0.3)
     assert found.codes_bytes == pytest.approx(made.coded.nbytes, rel=0.6)
-    assert found.lookahead_share == pytest.approx(made.lookahead_share, abs=0.1)
-    assert found.peak_bytes > found.octree_bytes and found.paths > 0
+    assert found.expected.lookahead_share == pytest.approx(made.lookahead_share, abs=0.1)
+    assert found.expected.peak_bytes > found.expected.octree_bytes and found.paths > 0
     text = drawn(PATCHNET_PT_main)
     assert "6 objects, 72 triangles" in text and "Camera 'Eye' at 24 x 16" in text
     for line in found.lines:
@@ -59,7 +59,7 @@ def test_estimate_of_a_track(scene: bpy.types.Scene) -> None:
     assert "30 views of a track at 96 x 64" in drawn(PATCHNET_PT_main)
     assert bpy.ops.patchnet.run_all(track=True, **wanted) == {"FINISHED"}
     made = results.voxels_of(scene).octree.leaf_count
-    assert 0.5 * made < found.leaves < 1.3 * made and alone.leaves < 0.9 * found.leaves
+    assert 0.5 * made < found.expected.leaves < 1.3 * made and alone.expected.leaves < 0.9 * found.expected.leaves
 
 
 def test_estimate_becomes_stale_and_says_why(scene: bpy.types.Scene) -> None:

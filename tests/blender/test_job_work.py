@@ -88,7 +88,7 @@ def test_a_job_says_how_far_it_is_and_the_estimate_says_the_same(
     found = drain(estimate_job(bpy.context, settings))
     assert found.time_line in found.lines and "elsewhere" not in found.time_line
     cameras = [view.camera for view in result.views]
-    figures = {"triangles": result.report["light"]["triangles"], "leaves": found.layers * found.leaves}
+    figures = {"triangles": result.report["light"]["triangles"], "leaves": found.layers * found.expected.leaves}
     assert found.seconds == pytest.approx(Rates().seconds(work_of(settings, pixels=384, cameras=cameras, **figures)))
     for name, (seconds, _) in learned.items():
         assert found.seconds[name] == pytest.approx(seconds, rel=0.05), "the same job again"
