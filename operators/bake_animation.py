@@ -6,10 +6,9 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.errors import SettingError
-from ..patchnet_addon.runtime.frames import frame_range
 from ..patchnet_addon.runtime.progress import Steps
 from .jobs.job_operator import JobOperator, tell
-from .properties.job import is_given, setting
+from .properties.job import setting, wanted_frames
 from .properties.stages import AnimationProperties, FrameProperties, properties_of
 from .schema.values import JOB
 from .settings.job_settings import JobSettings
@@ -38,10 +37,8 @@ class PATCHNET_OT_bake_animation(FrameProperties, AnimationProperties, JobOperat
         if settings.out is None:
             raise SettingError("An animation needs a folder for its frames: choose the output folder")
         self._file, self._goes_on = settings.out, setting(context, self, "skip_existing")
-        names = ("frame_start", "frame_end", "frame_step")
-        frames = [int(getattr(self if is_given(self, name) else context.scene, name)) for name in names]
         plan = FramePlan(
-            frames=tuple(frame_range(*frames)),
+            frames=tuple(wanted_frames(context, self)),
             out=settings.out,
             overwrite=not setting(context, self, "skip_existing"),
             one_grid=setting(context, self, "same_grid"),

@@ -9,11 +9,10 @@ from dataclasses import dataclass, field
 import bpy
 from bpy.app.handlers import persistent
 
-from ..patchnet_addon.runtime.frames import frame_range
 from ..patchnet_addon.runtime.progress import Progress, Steps
 from ..patchnet_addon.runtime.quantities import counted
 from .jobs.job_operator import JobOperator, job_in_window, tell, tell_notes
-from .properties.job import is_given
+from .properties.job import wanted_frames
 from .properties.stages import FrameProperties
 from .scene_access.window_job import RENDER, job_is_running, window_is_alive
 from .scene_access.window_state import Part
@@ -33,8 +32,7 @@ class PATCHNET_OT_fly_through(FrameProperties, JobOperator, bpy.types.Operator):
         from .render_engine.fly_through import FlyThrough, bake_fly_through, render_fly_through
 
         self._goes_on = True
-        names = ("frame_start", "frame_end", "frame_step")
-        frames = frame_range(*(int(getattr(self if is_given(self, name) else context.scene, name)) for name in names))
+        frames = wanted_frames(context, self)
 
         def told(expected: FlyThrough) -> None:
             for line in expected.lines():

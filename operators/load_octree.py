@@ -65,12 +65,12 @@ class PATCHNET_OT_load_octree(JobOperator, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Open the files, compare them with the scene, keep them."""
-        from .computing.grids import load_network
+        from ..patchnet_addon.network.weights import load_weights
 
         path = absolute_path(self.filepath)
         if path is None:
             raise SettingError("No file to load: choose an octree file, which ends in .safetensors")
-        weights = load_network(settings.network)
+        weights = load_weights(settings.network.weights)
         loading = Progress(0, 1, "Loading the octree")
         octree, coded, problem = yield from computed(loaded_files, path, weights, at=loading)
         yield Progress(0, 1, "Looking at the scene")

@@ -27,13 +27,13 @@ class PATCHNET_OT_precompute_codes(VoxelJob, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Load the weights, encode, keep the codes beside the octree."""
-        from .computing.grids import load_network
+        from ..patchnet_addon.network.weights import load_weights
         from .pipeline.stages import encode
 
         before = results.voxels_of(context.scene)
         clock = StageClock()
         with clock.stage("codes"):
-            weights = load_network(settings.network)
+            weights = load_weights(settings.network.weights)
             coded, encoder = yield from encode(before.octree, weights, settings.network)
         made = replace(before, coded=coded, seconds=before.seconds | clock.seconds, encoder=encoder)
         keep(context.scene, results.without_view(made), "codes", settings=settings)

@@ -21,13 +21,13 @@ import numpy as np
 
 from patchnet.__main__ import leave
 from patchnet.commands.shared.quiet import quiet_stdout
-from patchnet.operators.computing.grids import load_network
 from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.operators.cycles.daylight import daylight, has_light
 from patchnet.operators.pipeline.lit_octree import OctreeOverrides, build_lit_octree
 from patchnet.operators.pipeline.stages import encode
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
+from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
@@ -80,7 +80,7 @@ def _coded(cameras: list[Camera]) -> CodedOctree:
     settings = JobSettings.of(color=True, size=size)
     overrides = OctreeOverrides(cameras=lambda: list(cameras))
     octree = drain(build_lit_octree(bpy.context, settings, StageClock(), overrides)).octree
-    return drain(encode(octree, load_network(settings.network), settings.network))[0]
+    return drain(encode(octree, load_weights(settings.network.weights), settings.network))[0]
 
 
 def _truth(coded: CodedOctree, camera: Camera) -> np.ndarray:

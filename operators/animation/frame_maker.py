@@ -11,10 +11,10 @@ from typing import Any
 
 import bpy
 
+from ...patchnet_addon.network.weights import load_weights
 from ...patchnet_addon.runtime.file_kinds import FileKind
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.report import has_errors
-from ..computing.grids import load_network
 from ..importance.pixels import importance_key
 from ..pipeline.lit_octree import cameras_key
 from ..pipeline.output_files import job_files, job_inputs, view_folders
@@ -99,7 +99,7 @@ class JobMaker:
 
     def __init__(self, settings: JobSettings) -> None:
         """Load the weights; raises WeightsFileError."""
-        weights, painted = load_network(settings.network), importance_key(settings.view.importance)
+        weights, painted = load_weights(settings.network.weights), importance_key(settings.view.importance)
         self._settings, self._wanted = replace(settings, out=None), f"{weights.whole_hash} {painted}"
         self.scope, self.exposure, self.bakes = settings.surface.scope, settings.light.exposure, settings.light.is_baked
         self._kept: list[_Made] = []

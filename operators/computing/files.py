@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files of a job that the engine reads and writes."""
+"""Files of a job that the engine reads."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.file import load_codes
-from ...patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import load_octree
 from ...patchnet_addon.octree.octree import Octree
@@ -25,8 +24,3 @@ def loaded_files(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | No
         return octree, load_codes(path.with_name(_CODES), octree, weights), ""
     except CodesFileError as error:
         return octree, None, str(error)
-
-
-def save_entry(folder: Path, max_bytes: int, key: str, entry: CachedOctree) -> bool:
-    """Store an entry of the octree cache; returns whether there was room for it."""
-    return OctreeCache(folder, max_bytes).save(key, entry)

@@ -16,14 +16,13 @@ from ...patchnet_addon.lod.memory import (
     peak_bytes,
     stored_bytes,
 )
-from ...patchnet_addon.network.weights import Weights, load_weights
+from ...patchnet_addon.network.weights import load_weights
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.leaf_levels import BLOCK_FRAGMENTS, LeafLevels
 from ...patchnet_addon.runtime.bounds import MAX_DEPTH
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.surface.mesh import MeshSource
 from ...patchnet_addon.tracing.camera import Camera
-from ..settings.groups import NetworkSettings
 from ..settings.job_settings import JobSettings
 
 _MORE_LEAVES = 1.15  # than a rough fit finds, which does not look through the gaps of fine leaves
@@ -59,11 +58,6 @@ class Expected(NamedTuple):
     free_bytes: int
     lookahead_share: float | None
     lookahead: int
-
-
-def load_network(network: NetworkSettings) -> Weights:
-    """Load the weights of the settings, or the shipped ones; raises WeightsFileError."""
-    return load_weights(network.weights)
 
 
 def chosen_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
@@ -109,7 +103,7 @@ def _fitted_levels(
     grid = Grid.around(settings.surface.bounds_world(source), MAX_DEPTH)
     memory = settings.surface.memory_bytes or available_memory()
     most = max_leaves(memory - LAYOUT_BYTES, settings.contents)
-    lookahead, shade = load_network(settings.network).lookahead, opacity_shade(source)
+    lookahead, shade = load_weights(settings.network.weights).lookahead, opacity_shade(source)
     fitting = fit_leaf_levels(source, grid, cameras, shade, max_leaves=most, lookahead=lookahead, rough=rough)
     fitted = yield from fitting
     return replace(grid, depth=fitted.layout.deepest), fitted
@@ -122,7 +116,7 @@ def expected_octree(
     from ...patchnet_addon.lod.depth import coarse_octree, expected_share
     from ...patchnet_addon.octree.blocks import plan_passes
 
-    surface, lookahead = settings.surface, load_network(settings.network).lookahead
+    surface, lookahead = settings.surface, load_weights(settings.network.weights).lookahead
     if surface.is_fitted:
         grid, fitted = yield from labelled(_fitted_levels(source, fit, settings, rough=True), "Estimating")
         layout, rough_leaves, share = fitted.layout, fitted.leaves, fitted.lookahead_share

@@ -17,6 +17,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.export.fine_light import LIGHT_NOISE
+from ...patchnet_addon.network.weights import load_weights
 from ...patchnet_addon.octree.leaf_levels import LeafLevels
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.process.computed import computed
@@ -26,7 +27,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.surface.scene_mesh import SceneMesh
 from ...patchnet_addon.tracing.camera import Camera
-from ..computing.grids import GridChoice, load_network
+from ..computing.grids import GridChoice
 from ..computing.octrees import UNLIT, Building, LitSurface, build_octree, cut_surface
 from ..cycles.bake.gloss_passes import baked_with_gloss, seen_through, with_view
 from ..cycles.daylight import has_light
@@ -252,8 +253,7 @@ def _light(
         grid=choice.grid,
         cameras=tuple(choice.cameras),
         light=settings.light,
-        lookahead=load_network(settings.network).lookahead,
-        device=settings.light.device,
+        lookahead=load_weights(settings.network.weights).lookahead,
         state=surface.state.identity(context.scene.frame_subframe),
     )
     return (yield from bake_light(job, each_round))

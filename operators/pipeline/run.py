@@ -18,7 +18,7 @@ from ...patchnet_addon.export.fine_light import LIGHT_NOISE, fine_light_values
 from ...patchnet_addon.image.unfinished import Meanwhile
 from ...patchnet_addon.lod.memory import stored_bytes
 from ...patchnet_addon.network.devices import found_device
-from ...patchnet_addon.network.weights import Weights
+from ...patchnet_addon.network.weights import Weights, load_weights
 from ...patchnet_addon.octree.file import save_octree
 from ...patchnet_addon.octree.leaf_levels import LeafLevels
 from ...patchnet_addon.octree.octree import Octree
@@ -30,7 +30,6 @@ from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ...patchnet_addon.tracing.camera import Camera
 from ..computing.cycles_pixels import CyclesView
-from ..computing.grids import load_network
 from ..computing.views import View, overview
 from ..scene.cameras import focus_warnings, looking_cameras, octree_cameras
 from ..scene.pixel_filter import pixel_filter_of
@@ -119,7 +118,7 @@ def run_job(
     output = output_folder(settings.out, files, inputs) if settings.out else nullcontext()
     with output as folder:
         plan = JobPlan(settings)
-        job = _Job(context, settings, load_network(settings.network), plan, meanwhile, early)
+        job = _Job(context, settings, load_weights(settings.network.weights), plan, meanwhile, early)
         result = yield from plan.timed(_compute(job, before))
         plan.learn()
         for item in result.views:

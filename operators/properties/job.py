@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.frames import frame_range
 from ..importance.painted import Importance
 from ..scene_access.unread_file import check_opened
 from ..schema.setting import Kind, Setting, names_of
@@ -30,6 +31,12 @@ def is_given(operator: bpy.types.Operator, name: str) -> bool:
     """Return whether the operator has this property and its caller set it."""
     values = operator.properties
     return name in values.bl_rna.properties and values.is_property_set(name)
+
+
+def wanted_frames(context: bpy.types.Context, operator: bpy.types.Operator) -> range:
+    """Frames of an operator with `FrameProperties`; the scene's where its caller did not set them."""
+    names = ("frame_start", "frame_end", "frame_step")
+    return frame_range(*(int(getattr(operator if is_given(operator, name) else context.scene, name)) for name in names))
 
 
 def absolute_path(text: str) -> Path | None:

@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import bpy
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.network.weights import load_weights
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, StoppedError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
-from ..computing.grids import load_network
 from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree, cameras_text
 from ..pipeline.stages import encode
 from ..pipeline.voxels_key import surface_key, voxels_key
@@ -79,7 +79,7 @@ def octree_of_frame(
     result = yield from _result_of_frame(_Frame(depsgraph, scene, camera, settings, warn, animation, still))
     if result.coded is not None or settings.view.render_samples is not None:
         return result.octree, result.coded
-    coded, _ = yield from encode(result.octree, load_network(settings.network), settings.network)
+    coded, _ = yield from encode(result.octree, load_weights(settings.network.weights), settings.network)
     if results.result_of(scene) is result:
         keep(scene, replace(result, coded=coded), "codes")
     return result.octree, coded
@@ -255,7 +255,7 @@ def _made(frame: _Frame, there: SceneResult | None) -> Steps[SceneResult]:
 
 def _compute(frame: _Frame) -> Steps[SceneResult]:
     scene, settings = frame.scene, frame.settings
-    weights = load_network(settings.network) if settings.view.render_samples is None else None
+    weights = load_weights(settings.network.weights) if settings.view.render_samples is None else None
     overrides = OctreeOverrides(
         cameras=lambda: _fitted_to(frame),
         depsgraph=frame.depsgraph,

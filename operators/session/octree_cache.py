@@ -12,18 +12,17 @@ import logging
 import os
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import bpy
 from bpy.app.handlers import persistent
 
+from ...patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
 from ...patchnet_addon.process.computed import computed
 from ...patchnet_addon.runtime.bounds import KEPT_GIB
 from ...patchnet_addon.runtime.cache_folder import OCTREES, user_cache_folder
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ...patchnet_addon.runtime.progress import Steps, drain
-from ..computing.files import save_entry
 from ..properties.preferences import apply_preferences, preferences
 from ..scene_access.window_state import Part
 from . import results
@@ -32,7 +31,6 @@ from .scene_session import session_of
 from .staleness import look_again
 
 if TYPE_CHECKING:
-    from ...patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
     from ..settings.groups import NetworkSettings
     from ..state.scene_state import SceneState
 
@@ -52,7 +50,7 @@ def keep_on_disk(scene: bpy.types.Scene, result: SceneResult, *, apart: bool = F
     if state is None or result.unfinished or limit_bytes() <= 0:
         return
     key = made if made and (apart or state.frame is not None) else _key(state)
-    saving = computed(save_entry, _folder(), limit_bytes(), key, _entry(result, scene), lasts=True)
+    saving = computed(OctreeCache.save, _cache(), key, _entry(result, scene), lasts=True)
     if bpy.app.background:
         drain(saving)
         return
@@ -79,12 +77,12 @@ def found_on_disk(scene: bpy.types.Scene, key: str = "", network: NetworkSetting
     """
     if not may_be_on_disk(scene):
         return None
-    from ..computing.grids import load_network
+    from ...patchnet_addon.network.weights import load_weights
     from ..properties.job import scene_settings
     from ..state.scene_state import scene_state
 
     state = scene_state(scene)
-    found = _cache().load(key or _key(state), load_network(network or scene_settings(scene).network))
+    found = _cache().load(key or _key(state), load_weights((network or scene_settings(scene).network).weights))
     if found is None:
         return None
     if (names := found.notes.get("chosen")) is not None:  # the selection may have changed
@@ -121,13 +119,7 @@ def limit_bytes() -> int:
 
 
 def _cache() -> OctreeCache:
-    from ...patchnet_addon.codes.octree_cache import OctreeCache
-
-    return OctreeCache(_folder(), limit_bytes())
-
-
-def _folder() -> Path:
-    return user_cache_folder() / OCTREES
+    return OctreeCache(user_cache_folder() / OCTREES, limit_bytes())
 
 
 def _write() -> float | None:
@@ -158,8 +150,6 @@ def _fingerprint(scene: bpy.types.Scene) -> list[Any]:
 
 
 def _entry(result: SceneResult, scene: bpy.types.Scene) -> CachedOctree:
-    from ...patchnet_addon.codes.octree_cache import CachedOctree
-
     state, chosen = result.state, None  # names of the objects that have voxels, None for all
     if state is not None and state.chosen is not None:
         chosen = [item.name_full for item in scene.objects if item.session_uid in state.chosen]

@@ -61,7 +61,7 @@ def bake_light(job: BakeJob, each_round: EachRound | None = None) -> Steps[LitSu
     SettingError for a GPU that is not enabled.
     """
     light = job.light
-    baker = SurfelBaker(job.context, job.source, light, job.grid.side_world, device=job.device)
+    baker = SurfelBaker(job.context, job.source, light, job.grid.side_world, device=light.device)
     kept = None
     if job.state:
         code = yield from computed(code_hash, _CODE, at=Progress(0, 1, "Reading textures"))
@@ -126,7 +126,8 @@ def bake_key(job: BakeJob, code: str) -> str:
     """32 hex digits over everything that the light of a surfel depends on. code: hash of the code that bakes it."""
     light, scene, digest = job.light, job.context.scene, Digest()
     digest.struct(scene.cycles)  # also what changes bits alone, such as the sampling pattern
-    switches: tuple[object, ...] = light.color, bakes_on_gpu(job.context, job.device), bool(light.daylight), light.gloss
+    on_gpu = bakes_on_gpu(job.context, light.device)
+    switches: tuple[object, ...] = light.color, on_gpu, bool(light.daylight), light.gloss
     if light.from_camera and scene.camera is not None:
         switches += tuple(map(tuple, scene.camera.matrix_world))
     blender = bpy.app.version_string, bpy.app.build_hash, _devices()

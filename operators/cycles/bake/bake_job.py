@@ -16,7 +16,7 @@ from ....patchnet_addon.process.transfer import Remote
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.surface.scene_mesh import SceneMesh
 from ....patchnet_addon.tracing.camera import Camera
-from ...schema.values import AUTO, SEEN_CELLS
+from ...schema.values import SEEN_CELLS
 from ...settings.groups import LightSettings
 from .baked_colors import color_is_baked
 from .one_sided import one_sided_materials
@@ -32,9 +32,9 @@ class BakeJob:
     clipped: the surface in its leaves. grid: of these. cameras: those that decide which light cells are fine; without
     any, all are. lookahead: levels, of the weights in use. light: `max_samples` and `noise_threshold` bound the paths
     of a surfel, `denoise` filters light over cells, `color` keeps its colour, `gloss` selects the materials whose
-    reflections are baked, `daylight` replaces the scene's world by our sun and sky. device: AUTO, CPU or GPU; automatic
-    is a GPU if the preferences of Cycles enable one. state: identity of the scene's state, under which surfels are kept
-    on disk; "" for none.
+    reflections are baked, `daylight` replaces the scene's world by our sun and sky, `device` is AUTO, CPU or GPU;
+    automatic is a GPU if the preferences of Cycles enable one. state: identity of the scene's state, under which
+    surfels are kept on disk; "" for none.
     """
 
     context: bpy.types.Context
@@ -44,7 +44,6 @@ class BakeJob:
     cameras: tuple[Camera, ...]
     light: LightSettings
     lookahead: int
-    device: str = AUTO
     state: str = ""
 
 
