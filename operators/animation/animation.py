@@ -27,11 +27,11 @@ from ..pipeline.reports import REPORT_NAME, files_in, machine, versions, write_j
 from ..scene.read import read_scene
 from ..scene_access.frames import go_to_frame, kept_frame
 from ..settings.groups import Bounds
+from ..settings.job_settings import JobSettings
 from .frame_maker import (
     RECORD_NAME,
     FrameRecord,
     JobMaker,
-    SharedSettings,
     content_key,
     frame_folder,
     read_record,
@@ -102,13 +102,13 @@ def bake_frames(context: bpy.types.Context, maker: JobMaker, plan: FramePlan) ->
     missing = {folder / name: kind for folder in folders for name, kind in files.items()}
     check_outputs({plan.out / REPORT_NAME: REPORT, **missing}, inputs, folder=plan.out)
     with kept_frame(context.scene):
-        common = SharedSettings(exposure=maker.exposure, track=maker.track(context))
-        if maker.bakes:
-            common = replace(common, daylight=(yield from _before_all(same_daylight(context, plan.frames))))
+        settings = maker.shared_settings(context)
+        if settings.light.is_baked:
+            settings = settings.changed(daylight=(yield from _before_all(same_daylight(context, plan.frames))))
         if plan.one_grid:
-            bounds = yield from _before_all(same_bounds(context, plan.frames, maker.scope))
-            common = replace(common, bounds=bounds)
-        animation = _Animation(context, maker, plan, common)
+            bounds = yield from _before_all(same_bounds(context, plan.frames, settings.surface.scope))
+            settings = settings.changed(bounds=bounds)
+        animation = _Animation(context, maker, plan, settings)
         yield from animation.find_reference()
         for frame in plan.frames:
             yield from animation.bake(frame)
@@ -122,14 +122,14 @@ def _before_all(steps: Steps[Result]) -> Steps[Result]:
 
 
 class _Animation:
-    """Bake of frames, with the settings that they share.
+    """Bake of frames, with the settings that they share, so that their pictures do not flicker.
 
     If no exposure is given, one frame, the reference, chooses it for all: otherwise, a dimmed lamp would not darken
     pictures. Finished frames keep their reference.
     """
 
-    def __init__(self, context: bpy.types.Context, maker: JobMaker, plan: FramePlan, common: SharedSettings) -> None:
-        self._context, self._maker, self._plan, self._common = context, maker, plan, common
+    def __init__(self, context: bpy.types.Context, maker: JobMaker, plan: FramePlan, settings: JobSettings) -> None:
+        self._context, self._maker, self._plan, self._settings = context, maker, plan, settings
         self._reference: int | None = None
         self._summaries: dict[int, dict[str, Any]] = {}
         # Frames without a record are likely to be made.
@@ -138,7 +138,7 @@ class _Animation:
 
     def find_reference(self) -> Steps[None]:
         """Choose the frame whose exposure all frames use."""
-        if self._maker.exposure is not None:
+        if self._settings.light.exposure is not None:
             return
         self._reference = self._plan.frames[0]
         before = _reference_of(self._plan.out)
@@ -171,7 +171,7 @@ class _Animation:
         self._time.begin()
         files, inputs = self._maker.files(self._context), self._maker.inputs()
         with output_folder(folder, files, inputs) as temporary:
-            steps = self._maker.make(self._context, self._common_of(frame), temporary)
+            steps = self._maker.make(self._context, self._settings_of(frame), temporary)
 
             def counted_in(report: Progress) -> Progress:
                 label, step = f"{number}: {report.label}", report.step or report.label
@@ -198,10 +198,10 @@ class _Animation:
             self._set_exposure(summary)
 
     def _set_exposure(self, summary: dict[str, Any]) -> None:
-        self._common = replace(self._common, exposure=float(summary["exposure"]))
+        self._settings = self._settings.changed(exposure=float(summary["exposure"]))
 
-    def _common_of(self, frame: int) -> SharedSettings:
-        return replace(self._common, exposure=None) if frame == self._reference else self._common
+    def _settings_of(self, frame: int) -> JobSettings:
+        return self._settings.changed(exposure=None) if frame == self._reference else self._settings
 
     def _record(self, frame: int) -> FrameRecord | None:
         record = read_record(frame_folder(self._plan.out, frame))
@@ -210,19 +210,21 @@ class _Animation:
     def _content(self, frame: int) -> str:
         """Set the frame of the scene, and return its key."""
         go_to_frame(self._context.scene, frame)
-        return content_key(self._context, self._maker.scope, self._maker.settings_text(self._common_of(frame)))
+        return content_key(
+            self._context, self._settings.surface.scope, self._maker.settings_text(self._settings_of(frame))
+        )
 
     def write_report(self, *, complete: bool) -> None:
         """Write the report of all finished frames; raises PatchNetError."""
-        common, out = self._common, self._plan.out
+        light, out = self._settings.light, self._plan.out
         self.result.warnings = _warnings(self._summaries)
         self.result.report = {
             "error_unit": ERROR_UNIT,
             "complete": complete,
             "reference": self._reference,
-            "exposure": common.exposure,
-            "daylight": common.daylight,
-            "bounds_world": common.bounds,
+            "exposure": light.exposure,
+            "daylight": light.daylight,
+            "bounds_world": self._settings.surface.bounds,
             "frames": [
                 {"frame": frame, "folder": frame_folder(out, frame).name, **summary}
                 for frame, summary in sorted(self._summaries.items())

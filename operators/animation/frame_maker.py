@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Maker of the files of one frame by the whole job, shared settings, and records of frames."""
+"""Maker of the files of one frame by the whole job, and records of frames."""
 
 from __future__ import annotations
 
@@ -25,7 +25,6 @@ from ..scene.fingerprint import cameras_hash, surface_hash
 from ..scene.read import read_scene
 from ..session.job_voxels import before_again, before_on_disk, result_of_job, voxels_before
 from ..session.octree_cache import keep_on_disk
-from ..settings.groups import Bounds
 from ..settings.job_settings import JobSettings
 from ..state.digest import composed
 from ..state.scene_state import scene_state
@@ -74,56 +73,39 @@ def content_key(context: bpy.types.Context, scope: str, settings: str) -> str:
     return composed(code_hash(), bpy.app.version_string, settings, surface, state, cameras)
 
 
-@dataclass(frozen=True)
-class SharedSettings:
-    """Settings that frames share, so that their pictures do not flicker.
-
-    exposure: factor on luminance; None if the frame chooses it for all others. daylight: whether sun and sky are added;
-    None without a bake. bounds: of one grid for all frames, None for a grid per frame. track: key of the cameras of
-    all frames that voxels are fitted to, "" for those of a frame.
-    """
-
-    exposure: float | None = None
-    daylight: bool | None = None
-    bounds: Bounds | None = None
-    track: str = ""
-
-
 class JobMaker:
     """Maker of frames by the whole job, as `patchnet run`; the scene is at the frame when a method is called.
 
     A frame with the surface and light of the last one has its voxels, or of the one that most frames had so far.
 
-    scope: of objects. exposure: as given, None for automatic. bakes: whether Cycles computes the light.
+    settings: without the folder. track: key of the cameras of all frames that voxels are fitted to, "" for those of a
+    frame.
     """
 
     def __init__(self, settings: JobSettings) -> None:
         """Load the weights; raises WeightsFileError."""
         weights, painted = load_weights(settings.network.weights), importance_key(settings.view.importance)
-        self._settings, self._wanted = replace(settings, out=None), f"{weights.whole_hash} {painted}"
-        self.scope, self.exposure, self.bakes = settings.surface.scope, settings.light.exposure, settings.light.is_baked
+        self.settings, self._wanted = replace(settings, out=None), f"{weights.whole_hash} {painted}"
+        self.track = ""
         self._kept: list[_Made] = []
 
-    def track(self, context: bpy.types.Context) -> str:
-        """Key of the cameras of all frames that voxels are fitted to, "" for those of each frame."""
-        settings = self._settings
-        fixed = not settings.surface.track or list(settings.view.cameras) == [AUTO]
-        return "" if fixed else cameras_key(context, settings)
+    def shared_settings(self, context: bpy.types.Context) -> JobSettings:
+        """Settings of all frames, whose voxels follow the cameras if they shall; automatic cameras are fixed."""
+        settings = self.settings
+        if settings.surface.track and list(settings.view.cameras) != [AUTO]:
+            self.track = cameras_key(context, settings)
+        return settings.changed(track=bool(self.track))
 
-    def _of_frame(self, common: SharedSettings) -> JobSettings:
-        shared = {"exposure": common.exposure, "daylight": common.daylight, "bounds": common.bounds}
-        return self._settings.changed(**shared, track=bool(common.track))
-
-    def settings_text(self, common: SharedSettings) -> str:
-        """Text of all settings that the files depend on; weights and importance by their contents."""
-        return f"{self._of_frame(common).changed(weights=None)!r} {self._wanted} {common.track}"
+    def settings_text(self, settings: JobSettings) -> str:
+        """Text of all settings that a frame's files depend on; weights and importance by their contents."""
+        return f"{settings.changed(weights=None)!r} {self._wanted} {self.track}"
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
         """Kind of each file of any frame, by its path in the frame's folder; raises SceneError.
 
         Pictures are of the named cameras, or of all cameras that are active at some frame.
         """
-        wanted, scene = self._settings.view, context.scene
+        wanted, scene = self.settings.view, context.scene
         active = [scene.camera, *(marker.camera for marker in scene.timeline_markers)]
         names = [name for camera in active if (name := camera_name(scene, camera))]
         folders = view_folders(scene, wanted.cameras or names).values()
@@ -131,13 +113,12 @@ class JobMaker:
 
     def inputs(self) -> list[Path]:
         """Input files, which are never replaced."""
-        return job_inputs(self._settings)
+        return job_inputs(self.settings)
 
-    def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
+    def make(self, context: bpy.types.Context, settings: JobSettings, folder: Path) -> Steps[dict[str, Any]]:
         """Write the frame's files into `folder`; return its summary, with "exposure" and "warnings"."""
-        graph, settings = context.evaluated_depsgraph_get(), self._of_frame(common)
-        wanted = settings.changed(exposure=self.exposure)
-        cameras = common.track or cameras_key(context, wanted)
+        graph, wanted = context.evaluated_depsgraph_get(), settings.changed(exposure=self.settings.light.exposure)
+        cameras = self.track or cameras_key(context, wanted)
         key = voxels_key(graph, wanted, surface_key(graph, wanted), cameras)
         there = next((each for each in self._kept if each.key == key), None)
         # Others are freed, but for one that several frames had: what moves may come back.
