@@ -15,7 +15,6 @@ from ...patchnet_addon.process.computed import computed, wait_for_step
 from ...patchnet_addon.runtime.errors import StoppedError
 from ...patchnet_addon.runtime.log import event
 from ...patchnet_addon.runtime.progress import Progress, Result, Steps
-from ...patchnet_addon.sampling.adaptive import PictureSettings
 from ...patchnet_addon.sampling.importance import PixelRect
 from ...patchnet_addon.sampling.passes import combined
 from ...patchnet_addon.sampling.registry import strategy
@@ -30,7 +29,7 @@ from ..scene_access.frames import values_of_graph
 from ..scene_access.main_thread import in_main_thread
 from ..schema.values import AUTO, CYCLES, VISIBLE
 from ..session.world_maps import awaited_background
-from ..settings.groups import samples_side
+from ..settings.groups import picture_settings
 from .frame_octree import octree_of_frame
 from .render_camera import render_view
 
@@ -63,11 +62,8 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     octree, coded = pull(engine, making, 0.0, 0.3)
     importance = None if strokes is None else strokes.weights(octree.grid, rect)
     world = pull(engine, _world(engine, depsgraph, camera, octree), 0.3, 0.3)
-    picture = PictureSettings(None, side=samples_side(wanted.render_samples or 1.0), pixel_filter=pixel_filter)
-    if wanted.render_samples is None:
-        budget = wanted.budget, wanted.spp, wanted.refined_samples
-        picture = PictureSettings(wanted.strategy, wanted.unrefined, *budget, pixel_filter=pixel_filter)
-    else:
+    picture = picture_settings(wanted, pixel_filter)
+    if picture.strategy is None:
         coded = None
     output = _Output(engine, depsgraph.view_layer.name, kept, camera, octree.exposure, world)
     tracing = Progress(0, 1, "Tracing the preview")

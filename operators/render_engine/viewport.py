@@ -15,7 +15,6 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import EngineGoneError, PatchNetError
-from ...patchnet_addon.sampling.adaptive import PictureSettings
 from ...patchnet_addon.sampling.predicted import PREVIEW
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
@@ -38,7 +37,7 @@ from ..scene_access.window_state import Part
 from ..session import results
 from ..session.scene_result import SceneResult
 from ..session.scene_session import give_back
-from ..settings.groups import samples_side
+from ..settings.groups import picture_settings, samples_side
 from .coarse_light import COARSE, is_coarse
 from .render_camera import camera_rect, viewport_camera
 from .viewport_card import CardHeat, CardPicture, HeatKind, strategy_on_card
@@ -210,12 +209,11 @@ class Viewport:
         self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, result: SceneResult, camera: Camera
     ) -> ViewportPreview:
         """Return the present preview if nothing that it depends on has changed, else a new one."""
-        values, strokes = context.scene.patchnet, self.mask.strokes
+        strokes = self.mask.strokes
         world, background = self.world.behind(depsgraph, result.octree)
         rect = None if strokes is None else camera_rect(context)
-        shares = values.budget, values.refined_samples, values.spp
-        wanted = values.strategy, values.unrefined, *shares, pixel_filter_of(context.scene)
-        state = (id(result), *wanted, values.render_samples, self.mask.version, rect, *_view(camera))
+        wanted = picture_settings(context.scene.patchnet, pixel_filter_of(context.scene))
+        state = id(result), wanted, self.mask.version, rect, *_view(camera)
         preview = self._preview
         if preview is not None and preview.octree is result.octree and preview.pixels is None:
             return preview  # a view that moves shows pictures, too
@@ -224,9 +222,7 @@ class Viewport:
                 apply_preferences(context)
             else:
                 preview.close()
-            preview = ViewportPreview(
-                result.octree, result.coded, camera, _picture_settings(context), world, strokes, rect
-            )
+            preview = ViewportPreview(result.octree, result.coded, camera, wanted, world, strokes, rect)
             self._state, self._background, self._preview = state, background, preview
             self._asked = time.perf_counter()  # a short first slice: the first picture appears soon
         elif background != self._background:
@@ -257,15 +253,6 @@ class Viewport:
         if self._preview is not None:
             self._preview.close()
         self._state = self._preview = self._texture = None
-
-
-def _picture_settings(context: bpy.types.Context) -> PictureSettings:
-    """Settings of the scene for a picture."""
-    values, pixel_filter = context.scene.patchnet, pixel_filter_of(context.scene)
-    if values.render_samples:
-        return PictureSettings(None, side=samples_side(values.render_samples), pixel_filter=pixel_filter)
-    budget = values.budget, values.spp or None, values.refined_samples
-    return PictureSettings(values.strategy, values.unrefined, *budget, pixel_filter=pixel_filter)
 
 
 def _view(camera: Camera) -> tuple[Any, ...]:

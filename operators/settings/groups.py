@@ -21,10 +21,12 @@ from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.frames import frame_range
+from ...patchnet_addon.sampling.adaptive import PictureSettings
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
 from ...patchnet_addon.sampling.registry import DEFAULT, STRATEGIES, strategy
 from ...patchnet_addon.sampling.strategy import REFERENCE
 from ...patchnet_addon.surface.mesh import MeshSource
+from ...patchnet_addon.tracing.pixel_filter import PixelFilter
 from ..importance.painted import Importance
 from ..schema.setting import Effect, Kind, Place, Setting, check_values
 from ..schema.values import (
@@ -339,6 +341,14 @@ class NetworkSettings:
 def samples_side(samples: float) -> int:
     """Rays per pixel side of the square number nearest to `samples`."""
     return max(1, round(math.sqrt(samples)))
+
+
+def picture_settings(values: Any, pixel_filter: PixelFilter) -> PictureSettings:
+    """Settings of the pictures of render engine and viewports. values: `ViewSettings`, or the properties of a scene."""
+    if values.render_samples:
+        return PictureSettings(None, side=samples_side(values.render_samples), pixel_filter=pixel_filter)
+    budget = values.budget, values.spp or None, values.refined_samples
+    return PictureSettings(values.strategy, values.unrefined, *budget, pixel_filter=pixel_filter)
 
 
 def _has_budget(values: Any) -> bool:
