@@ -53,18 +53,18 @@ def painted_image(name: str) -> np.ndarray:
 class Strokes:
     """Painted strokes; any thread may look weights up, as no call to Blender follows.
 
-    One of `picture`, (h, w) float32 with row 0 at the bottom, and `surface`.
+    One of `picture`, (h, w) float32 with row 0 at the bottom, and `surface`; none where all pixels matter alike.
     """
 
     picture: np.ndarray | None = None
     surface: PaintedSurface | None = None
 
-    def weights(self, grid: Grid, rect: PixelRect | None = None) -> Painted:
+    def weights(self, grid: Grid, rect: PixelRect | None = None) -> Painted | None:
         """Weights of the pixels of a view of an octree, to be computed by steps that are passed on by `answering`.
 
         rect: area that an image is stretched over.
         """
-        return Painted(grid, self.picture, rect)
+        return None if self.picture is None and self.surface is None else Painted(grid, self.picture, rect)
 
     def answering(self, steps: Steps[Result]) -> Steps[Result]:
         """Pass on steps, and fill in the weights of the surface that they ask for, some at each step."""
@@ -84,14 +84,16 @@ class Strokes:
             steps.close()
 
 
-def read_strokes(importance: Importance, scope: str, depsgraph: bpy.types.Depsgraph) -> Strokes:
-    """Read painted importance of the open file.
+def read_strokes(importance: Importance | None, scope: str, depsgraph: bpy.types.Depsgraph) -> Strokes:
+    """Read painted importance of the open file, if it has any.
 
     scope: of the voxelized objects. depsgraph: evaluated with render geometry meanwhile, unless it is a render's own
     graph. Raises SettingError if image or vertex group do not exist.
 
     A render may call this in its own thread: it only reads, meshes of its own graph, and images the way Cycles does.
     """
+    if importance is None:
+        return Strokes()
     if importance.vertex_group:
         with render_geometry(depsgraph):
             return Strokes(surface=PaintedSurface(depsgraph, scope, importance.vertex_group))

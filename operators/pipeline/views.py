@@ -45,14 +45,10 @@ def view(
     meanwhile: shows the preview, the heatmap, and the picture in refinement. Raises SettingError if the painted image
     or vertex group is missing.
     """
-    octree, strokes = coded.octree, None
-    if settings.importance is not None:
-        strokes = read_strokes(settings.importance, scope, bpy.context.evaluated_depsgraph_get())
-    importance = None if strokes is None else strokes.weights(octree.grid)
+    octree, strokes = coded.octree, read_strokes(settings.importance, scope, bpy.context.evaluated_depsgraph_get())
     ground, tracing = Ground(camera, background.light, octree.exposure), Progress(0, 1, "Tracing the preview")
-    wanted = settings, importance, pixel_filter, meanwhile is not None
-    steps = computed(viewed, coded, ground, *wanted, at=tracing)
-    steps = steps if strokes is None else strokes.answering(steps)
+    wanted = settings, strokes.weights(octree.grid), pixel_filter, meanwhile is not None
+    steps = strokes.answering(computed(viewed, coded, ground, *wanted, at=tracing))
 
     def shown(report: Progress) -> Progress:
         if report.partial is not None and meanwhile is not None:

@@ -49,9 +49,8 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     strategy(wanted.strategy)  # raises if there is none
     eye = engine.camera_override or (scene.camera and scene.camera.evaluated_get(depsgraph))
     camera, rect, kept, pixel_filter = render_view(scene, eye, (engine.resolution_x, engine.resolution_y))
-    strokes = None
-    if wanted.importance is not None:  # missing input is reported before work starts
-        strokes = read_strokes(wanted.importance, VISIBLE, depsgraph)  # the selection may have changed
+    # Missing input is reported before work starts; the selection may have changed.
+    strokes = read_strokes(wanted.importance, VISIBLE, depsgraph)
     for text in focus_warnings(scene.original, [camera]):
         warn(engine, text)
     if scene.render.use_multiview:
@@ -60,7 +59,6 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
         warn(engine, "PatchNet renders no motion blur: render with Cycles for the blur")
     making = octree_of_frame(depsgraph, camera, settings, partial(warn, engine), animation=engine.is_animation)
     octree, coded = pull(engine, making, 0.0, 0.3)
-    importance = None if strokes is None else strokes.weights(octree.grid, rect)
     world = pull(engine, _world(engine, depsgraph, camera, octree), 0.3, 0.3)
     picture = picture_settings(wanted, pixel_filter)
     if picture.strategy is None:
@@ -68,9 +66,9 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     output = _Output(engine, depsgraph.view_layer.name, kept, camera, octree.exposure, world)
     tracing = Progress(0, 1, "Tracing the preview")
     try:
+        importance = strokes.weights(octree.grid, rect)
         steps = computed(rendered_picture, octree, coded, camera, picture, importance, at=tracing)
-        steps = steps if strokes is None else strokes.answering(steps)
-        pull(engine, output.shown_meanwhile(steps), 0.3, 1.0)
+        pull(engine, output.shown_meanwhile(strokes.answering(steps)), 0.3, 1.0)
     finally:  # a stopped render shows its unfinished picture
         output.end()
 

@@ -47,7 +47,7 @@ class ViewportPreview:
         self.is_new = self.done = False
         self.status = ""
         self._picture = octree, coded, camera, wanted
-        self._strokes, self._rect = strokes, rect
+        self._strokes, self._rect = strokes or Strokes(), rect
         self.steps = self._begun(world)
 
     def show_world(self, world: World) -> None:
@@ -92,10 +92,9 @@ class ViewportPreview:
         self.steps.close()
 
     def _begun(self, world: World) -> Steps[None]:
-        strokes, picture = self._strokes, self._picture
-        importance = None if strokes is None else strokes.weights(self.octree.grid, self._rect)
-        steps = computed(live_picture, *picture, importance, world, at=Progress(0, 1, "Tracing"))
-        return steps if strokes is None else strokes.answering(steps)
+        importance = self._strokes.weights(self.octree.grid, self._rect)
+        steps = computed(live_picture, *self._picture, importance, world, at=Progress(0, 1, "Tracing"))
+        return self._strokes.answering(steps)
 
 
 def _over(
