@@ -59,12 +59,9 @@ def clear_cache(root: Path) -> int:
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    """PatchNet's files in a folder of the cache, without links.
-
-    Marks come before their kernels, so that a stopped deletion leaves no false marks.
-    """
+    """PatchNet's files in a folder of the cache, without links."""
     for where, _, names in [] if folder.is_symlink() else os.walk(folder):
-        for path in sorted(Path(where, name) for name in names):
+        for path in (Path(where, name) for name in names):
             if _FILES[folder.name].fullmatch(path.relative_to(folder).as_posix()):
                 yield path
 

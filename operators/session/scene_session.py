@@ -14,7 +14,6 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ...patchnet_addon.process.computed import release
-from ...patchnet_addon.runtime.memory import resident_bytes
 from ..scene_access.main_thread import in_main_thread
 from ..scene_access.own import is_own
 from ..scene_access.window_state import Part
@@ -96,13 +95,11 @@ HANDLERS = (("load_post", _on_load),)
 class Held(NamedTuple):
     """Bytes that the extension holds.
 
-    results: octrees, codes and views of all scenes and rendered frames. images: pictures in the file. process: all of
-    Blender with the extension; None if the system does not tell.
+    results: octrees, codes and views of all scenes and rendered frames. images: pictures in the file.
     """
 
     results: int
     images: int
-    process: int | None
 
 
 def give_back() -> None:
@@ -114,7 +111,7 @@ def give_back() -> None:
 def held() -> Held:
     """Measure what the extension holds now."""
     images = sum(_image_bytes(image) for image in bpy.data.images if is_own(image))
-    return Held(sum(map(_session_bytes, open_sessions())), images, resident_bytes())
+    return Held(sum(map(_session_bytes, open_sessions())), images)
 
 
 def _session_bytes(session: SceneSession) -> int:

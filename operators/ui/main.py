@@ -112,13 +112,11 @@ class PATCHNET_PT_statistics(tab.SubPanel, bpy.types.Panel):
             tab.draw_sentence(layout, context, "Nothing computed yet")
             return
         taken = held()
-        memory = [f"In memory: {bytes_text(taken.results)}, pictures {bytes_text(taken.images)}"]
-        if taken.process is not None:
-            memory.append(f"Blender as a whole: {bytes_text(taken.process)}")
-        for lines in (result.summary, memory):
-            column = layout.column(align=True)
-            for line in lines:
-                tab.draw_sentence(column, context, line)
+        column = layout.column(align=True)
+        for line in result.summary:
+            tab.draw_sentence(column, context, line)
+        memory = f"In memory: {bytes_text(taken.results)}, pictures {bytes_text(taken.images)}"
+        tab.draw_sentence(layout, context, memory)
         layout.operator("patchnet.clear_results", icon="TRASH")
 
 
