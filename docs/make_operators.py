@@ -100,7 +100,7 @@ NOTES = {
     ),
     "show_voxels": Note(
         "the object `PatchNet Voxels` with its mesh, geometry nodes and material; the next call fills the same object",
-        "bpy.ops.patchnet.voxelize(depth=6); bpy.ops.patchnet.show_voxels(level=5, display='POINTS')",
+        "bpy.ops.patchnet.voxelize(depth=6); bpy.ops.patchnet.show_voxels(level=5)",
     ),
     "export_octree": Note(
         "nothing in the scene; the file",

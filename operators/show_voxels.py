@@ -31,7 +31,7 @@ class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
         """Choose the level, create or update the object, and report it."""
         from ..patchnet_addon.octree.voxel_cloud import level_within, voxel_cloud, voxel_counts
 
-        for name in ("level", "display", "limit"):  # so that Adjust Last Operation starts with the values in use
+        for name in ("level", "limit"):  # so that Adjust Last Operation starts with the values in use
             setattr(self, name, setting(context, self, name))
         try:
             apply_preferences(context)
@@ -40,7 +40,7 @@ class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
             wanted = self.level or octree.depth
             level = level_within(octree, self.limit, wanted)
             with quiet():
-                item = show(context.scene, voxel_cloud(octree, level), self.display)
+                item = show(context.scene, voxel_cloud(octree, level))
             _show_attribute_colors(context.window)
         except PatchNetError as error:
             tell(self, "ERROR", str(error))

@@ -30,7 +30,6 @@ from ..scene.cameras import ALL, AUTO, scene_cameras
 from ..schema.setting import Kind, Setting
 from ..schema.values import CAMERAS, JOB, REFINEMENT, RENDERS
 from ..settings.job_settings import TABLE, rows
-from ..voxel_object import CUBES, POINTS
 
 
 def camera_candidates(_values: object, context: bpy.types.Context, text: str) -> list[tuple[str, str]]:
@@ -157,16 +156,6 @@ class LevelProperties:
 class DisplayProperties(LevelProperties):
     """Voxels in the scene. Operators forget these values, so that those of the panel count for each call."""
 
-    display: EnumProperty(
-        name="Display",
-        description="Shape of a shown voxel",
-        items=[
-            (CUBES, "Cubes", "A cube of the voxel's size"),
-            (POINTS, "Points", "A sphere that fits into the voxel: lighter to draw, but gray in Solid shading"),
-        ],
-        default=CUBES,
-        options=OF_ONE_CALL,
-    )
     limit: number(
         "Voxel Limit",
         "Most voxels to show; a higher limit shows finer levels and draws slower",

@@ -130,8 +130,7 @@ class PATCHNET_PT_export(tab.SubPanel, bpy.types.Panel):
         """Draw settings, the two buttons, and formats that this Blender cannot write."""
         layout = tab.split(self.layout)
         tab.draw_automatic(layout, context.scene.patchnet, "level", "Level", "Finest")
-        for name in ("display", "limit"):
-            layout.prop(context.scene.patchnet, name)
+        layout.prop(context.scene.patchnet, "limit")
         layout.operator("patchnet.show_voxels", icon="MESH_CUBE")
         layout.operator("patchnet.export_octree", icon="EXPORT")
         if not vdb_module_name():  # looked for once

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Object "PatchNet Voxels": one vertex a voxel of a level, and geometry nodes that give it its shape and colour."""
+"""Object "PatchNet Voxels": one vertex a voxel of a level, and geometry nodes that make it a cube in its colour."""
 
 from __future__ import annotations
 
@@ -16,17 +16,15 @@ from ..scene_access.blender_version import start_nodes
 from ..scene_access.own import OWNER, check_own_scene
 
 NAME = "PatchNet Voxels"
-CUBES = "CUBES"
-POINTS = "POINTS"
-_GROUPS = {CUBES: "PatchNet Voxels as Cubes", POINTS: "PatchNet Voxels as Points"}
+_GROUP = "PatchNet Voxels as Cubes"
 _LUMINANCE, _SIDE = "luminance", "side"
 _COLOR = "voxel_color"  # not "color": without that attribute nodes read the object's color, white
 _SHOWN = "luminance_color"  # shown by Solid shading with Color: Attribute
 _LIGHT_RAYS = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 
-def show(scene: bpy.types.Scene, cloud: VoxelCloud, display: str) -> bpy.types.Object:
-    """Show `cloud` as an object in `scene`, as CUBES or POINTS.
+def show(scene: bpy.types.Scene, cloud: VoxelCloud) -> bpy.types.Object:
+    """Show `cloud` as an object in `scene`, a cube for each voxel.
 
     The object of an earlier call gets new data and keeps its collection and visibility; a renamed one stays unchanged.
     A new object is hidden from renders. Selection and active object stay. Raises SceneError if the object is being
@@ -46,8 +44,7 @@ def show(scene: bpy.types.Scene, cloud: VoxelCloud, display: str) -> bpy.types.O
         bpy.data.meshes.remove(before)
     material = _own(bpy.data.materials, NAME) or _new_material()
     mesh.materials.append(material)
-    name = _GROUPS[display]
-    group = _own(bpy.data.node_groups, name) or _new_group(name, material, as_cubes=display == CUBES)
+    group = _own(bpy.data.node_groups, _GROUP) or _new_group(material)
     modifier = next((each for each in item.modifiers if each.type == "NODES" and each.name == NAME), None)
     (modifier or item.modifiers.new(NAME, "NODES")).node_group = group
     return item
@@ -104,10 +101,10 @@ def _new_material() -> bpy.types.Material:
     return material
 
 
-def _new_group(name: str, material: bpy.types.Material, *, as_cubes: bool) -> bpy.types.NodeTree:
-    """Node group that turns points into the shapes of voxels; its input Size scales them."""
-    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
-    tree[OWNER] = name
+def _new_group(material: bpy.types.Material) -> bpy.types.NodeTree:
+    """Node group that turns points into cubes; its input Size scales them."""
+    tree = bpy.data.node_groups.new(_GROUP, "GeometryNodeTree")
+    tree[OWNER] = _GROUP
     tree.is_modifier = True
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
@@ -116,9 +113,12 @@ def _new_group(name: str, material: bpy.types.Material, *, as_cubes: bool) -> bp
     size.description = "Share of each voxel that is filled; less than 1 leaves gaps between them"
     given = tree.nodes.new("NodeGroupInput")
     attribute = _node(tree, "GeometryNodeInputNamedAttribute", Name=_SIDE)  # of floats, as new nodes are
-    side = _product(tree, attribute.outputs["Attribute"], given.outputs["Size"])
-    shapes = (_cubes if as_cubes else _points)(tree, given.outputs["Geometry"], side)
-    coloured = _node(tree, "GeometryNodeSetMaterial", Geometry=shapes, Material=material)
+    side = tree.nodes.new("ShaderNodeMath")
+    side.operation = "MULTIPLY"
+    for socket, factor in zip(side.inputs, (attribute.outputs["Attribute"], given.outputs["Size"]), strict=False):
+        tree.links.new(factor, socket)
+    cubes = _cubes(tree, given.outputs["Geometry"], side.outputs[0])
+    coloured = _node(tree, "GeometryNodeSetMaterial", Geometry=cubes, Material=material)
     _node(tree, "NodeGroupOutput", Geometry=coloured.outputs["Geometry"])
     return _in_columns(tree)
 
@@ -138,20 +138,6 @@ def _cubes(tree: bpy.types.NodeTree, points: bpy.types.NodeSocket, side: bpy.typ
     for node in (realized, first):  # the mesh linked last comes first
         tree.links.new(node.outputs["Geometry"], joined.inputs["Geometry"])
     return joined.outputs["Geometry"]
-
-
-def _points(tree: bpy.types.NodeTree, points: bpy.types.NodeSocket, side: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """Point cloud of spheres that fit into the voxels."""
-    cloud = _node(tree, "GeometryNodeMeshToPoints", Mesh=points, Radius=_product(tree, side, 0.5))
-    return cloud.outputs["Points"]
-
-
-def _product(tree: bpy.types.NodeTree, *factors: bpy.types.NodeSocket | float) -> bpy.types.NodeSocket:
-    node = tree.nodes.new("ShaderNodeMath")
-    node.operation = "MULTIPLY"
-    for socket, factor in zip(node.inputs, factors, strict=False):
-        _set(tree, socket, factor)
-    return node.outputs[0]
 
 
 def _node(tree: bpy.types.NodeTree, kind: str, **inputs: object) -> bpy.types.Node:

@@ -23,7 +23,7 @@ CALLS = {
     "precompute_codes": "weights=WEIGHTS",
     "render_preview": "size=(16, 16), cameras='Eye', budget=0.5",
     "compare": "size=(16, 16), cameras='Eye', budget=0.5",
-    "show_voxels": "level=3, display='POINTS'",
+    "show_voxels": "level=3",
     "export_octree": "filepath=OUT + '/voxels.safetensors', level=4",
     "load_octree": "filepath=OUT + '/voxels.safetensors', weights=WEIGHTS",
     "clear_results": "",

@@ -37,7 +37,6 @@ ONLY_COMMAND = {
 }
 ONLY_PANEL = {
     "level": "`patchnet export --level`: voxels are exported from the run's octree",
-    "display": "of an object in the viewport",
     "limit": "of an object in the viewport",
 }
 

@@ -106,13 +106,12 @@ def picture(path: Path) -> np.ndarray:
     return render_by_cycles(path, (32, 24), 1)
 
 
-@pytest.mark.parametrize("display", ["CUBES", "POINTS"])
-def test_pictures_show_colour(scene: bpy.types.Scene, display: str, tmp_path: Path) -> None:
+def test_pictures_show_colour(scene: bpy.types.Scene, tmp_path: Path) -> None:
     """Every pixel of one sample shows exactly one voxel, whatever light there is in the scene."""
     result = results.voxels_of(scene)
     chroma = np.random.default_rng(0).integers(30, 128, (result.octree.node_count, 2)).astype(np.uint8)
     results.put(scene, replace(result, octree=replace(result.octree, chroma=chroma)))
-    bpy.ops.patchnet.show_voxels(level=4, display=display)
+    bpy.ops.patchnet.show_voxels(level=4)
     cloud = voxel_cloud(results.voxels_of(scene).octree, 4)
     assert np.ptp(cloud.color, axis=1).max() > 0.2
     pixels = picture(tmp_path / "picture.exr")
@@ -151,9 +150,9 @@ def test_finest_level_within_the_limit(scene: bpy.types.Scene, capfd: pytest.Cap
     text = capfd.readouterr().out
     assert f"Warning: {counts[5]:,} voxels of level 5" in text
     assert f"level 6 has {counts[6]:,}, more than the limit of {counts[5]:,}" in text
-    scene.patchnet.level, scene.patchnet.display = 2, "POINTS"
+    scene.patchnet.level = 2
     bpy.ops.patchnet.show_voxels()
-    assert len(evaluated(shown()).evaluated_geometry().pointcloud.points) == counts[2]
+    assert len(shown().data.vertices) == counts[2]
     with pytest.raises(RuntimeError, match="Level 9 is outside 0 to 6"):
         bpy.ops.patchnet.show_voxels(level=9)
 
