@@ -17,7 +17,7 @@ import bpy
 from ..patchnet_addon.process.computed import end_engine_process
 from ..patchnet_addon.runtime.cache_folder import BAKES, KERNELS, OCTREES, WHEELS, user_cache_folder
 from .jobs.job_operator import no_job_runs
-from .properties.preferences import apply_preferences, cache_size_text
+from .properties.preferences import apply_preferences
 
 _UNFINISHED = r"\.[^/]+\.[0-9a-f]{8}\.tmp/(owner|files/.+)"  # in an `owned_folder`
 # Patterns of PatchNet's file names in each folder of the cache.
@@ -73,22 +73,6 @@ def _size(path: Path) -> int:
         return 0
 
 
-class PATCHNET_OT_measure_cache(bpy.types.Operator):
-    """Measure the disk space of compiled kernels, baked light and finished octrees in the cache folder"""
-
-    bl_idname = "patchnet.measure_cache"
-    bl_label = "Measure Cache"
-    bl_options = {"INTERNAL"}
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Measure, and keep the text."""
-        apply_preferences(context)
-        text = size_text(cache_size(user_cache_folder()))
-        cache_size_text()[:] = [text]
-        self.report({"INFO"}, f"Cache: {text}")
-        return {"FINISHED"}
-
-
 class PATCHNET_OT_clear_cache(bpy.types.Operator):
     """Delete compiled kernels, baked light and finished octrees from the cache folder; later jobs make them again"""
 
@@ -102,15 +86,16 @@ class PATCHNET_OT_clear_cache(bpy.types.Operator):
         return no_job_runs(cls)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Ask first."""
-        return context.window_manager.invoke_confirm(self, event)
+        """Say the sizes, and ask first."""
+        apply_preferences(context)
+        text = size_text(cache_size(user_cache_folder()))
+        return context.window_manager.invoke_confirm(self, event, title="Clear Cache?", message=text)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Delete, and report what is left."""
+        """Delete, and report what was freed."""
         apply_preferences(context)
         root = user_cache_folder()
         end_engine_process()  # it may import more of its wheels
         freed = clear_cache(root)
-        cache_size_text()[:] = [size_text(cache_size(root))]
         self.report({"INFO"}, f"{freed / 2**20:.1f} MiB were freed in {root}")
         return {"FINISHED"}

@@ -192,7 +192,6 @@ def preferences():
     """The add-on's preferences in their own window."""
     values = bpy.context.preferences.addons[PACKAGE].preferences
     values.open_pictures = values.bl_rna.properties["open_pictures"].default
-    bpy.ops.patchnet.measure_cache()
     bpy.context.window_manager.addon_search = "PatchNet"
     bpy.ops.preferences.addon_expand(module=PACKAGE)
     bpy.ops.screen.userpref_show(section="ADDONS")

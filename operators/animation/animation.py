@@ -25,7 +25,7 @@ from ..cycles.daylight import has_light
 from ..pipeline.output_files import output_folder
 from ..pipeline.reports import REPORT_NAME, files_in, machine, versions, write_json
 from ..scene.read import read_scene
-from ..scene_access.frames import go_to_frame, kept_frame
+from ..scene_access.frames import kept_frame
 from ..settings.groups import Bounds
 from ..settings.job_settings import JobSettings
 from .frame_maker import (
@@ -42,7 +42,7 @@ def same_daylight(context: bpy.types.Context, frames: Sequence[int]) -> Steps[bo
     """Return whether no frame has light, so that sun and sky are added; dark frames of a scene with lamps get none."""
     for done, frame in enumerate(frames):
         yield Progress(done, len(frames), "Looking for light")
-        go_to_frame(context.scene, frame)
+        context.scene.frame_set(frame)
         if has_light(context.evaluated_depsgraph_get()):
             return False
     return True
@@ -53,7 +53,7 @@ def same_bounds(context: bpy.types.Context, frames: Sequence[int], scope: str) -
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for done, frame in enumerate(frames):
         yield Progress(done, len(frames), f"One grid for all frames: frame {frame}")
-        go_to_frame(context.scene, frame)
+        context.scene.frame_set(frame)
         with errors_of_frame(frame):
             source = read_scene(context.evaluated_depsgraph_get(), scope)
         low, high = np.minimum(low, source.bounds_world[0]), np.maximum(high, source.bounds_world[1])
@@ -209,7 +209,7 @@ class _Animation:
 
     def _content(self, frame: int) -> str:
         """Set the frame of the scene, and return its key."""
-        go_to_frame(self._context.scene, frame)
+        self._context.scene.frame_set(frame)
         return content_key(
             self._context, self._settings.surface.scope, self._maker.settings_text(self._settings_of(frame))
         )

@@ -12,7 +12,6 @@ from bpy.props import EnumProperty, FloatProperty, StringProperty
 from ...patchnet_addon.image.colormaps import COLORMAPS
 from ...patchnet_addon.runtime.bounds import KEPT_GIB as KEPT
 from ...patchnet_addon.runtime.log import set_up
-from ..scene_access.window_state import Part
 
 # "patchnet", or "bl_ext.<repository>.patchnet" in Blender
 ROOT_PACKAGE = __package__.removesuffix(".operators.properties")
@@ -21,7 +20,6 @@ OPEN_WINDOW, OPEN_EDITOR, OPEN_NEVER = "WINDOW", "EDITOR", "NEVER"
 VIEWPORT_AUTO, VIEWPORT_CARD, VIEWPORT_CPU = "AUTO", "CARD", "CPU"
 KEPT_GIB, CARD_GIB = 4.0, 2.0
 _LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
-cache_size_text = Part("cache_size", list[str])  # empty before it is measured
 
 
 class PatchNetPreferences(bpy.types.AddonPreferences):
@@ -95,17 +93,13 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
     )
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """Settings, and what operators found out about them."""
+        """Settings, and the buttons of cache and diagnostics."""
         layout = self.layout
         layout.use_property_split = True
         for name in ("colormap", "open_pictures", "viewport", "card_gib"):
             layout.prop(self, name)
         layout.prop(self, "cache_folder", placeholder="The Extension's Own")
-        split = layout.split(factor=0.6)  # room for all sizes
-        split.label(text="".join(cache_size_text()) or "Size not measured")
-        row = split.row()
-        row.operator("patchnet.measure_cache", text="Measure")
-        row.operator("patchnet.clear_cache", text="Clear", icon="TRASH")
+        layout.operator("patchnet.clear_cache", icon="TRASH")
         layout.prop(self, "kept_gib")
         layout.prop(self, "log_level")
         layout.operator("patchnet.copy_diagnostics", icon="COPYDOWN")

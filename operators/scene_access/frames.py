@@ -28,7 +28,7 @@ def kept_frame(scene: bpy.types.Scene) -> Iterator[None]:
 
     def restore() -> None:
         with suppress(ReferenceError), quiet():  # another file may have been opened meanwhile
-            go_to_frame(scene, frame, subframe)
+            scene.frame_set(frame, subframe=subframe)
             _restore(before)
 
     def put_back() -> None:
@@ -83,11 +83,6 @@ def values_of_graph(depsgraph: bpy.types.Depsgraph) -> Iterator[None]:
         for each in before:
             with suppress(ReferenceError, *_UNREADABLE):
                 _set(*each)
-
-
-def go_to_frame(scene: bpy.types.Scene, frame: int, subframe: float = 0.0) -> None:
-    """Set the frame of a scene; its handlers run and finish."""
-    scene.frame_set(frame, subframe=subframe)
 
 
 def _animated_values() -> Iterator[tuple[bpy.types.ID, bpy.types.ID, str, int, Any]]:
