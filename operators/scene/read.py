@@ -17,6 +17,7 @@ from ...patchnet_addon.runtime.quantities import named_list, subject
 from ...patchnet_addon.surface.local_mesh import LocalMesh
 from ...patchnet_addon.surface.mesh import Material
 from ...patchnet_addon.surface.scene_mesh import MeshInstances, SceneMesh, with_opacities
+from ..scene_access.temporary import mesh_copy, temporary_meshes
 from ..schema.values import SELECTED, VISIBLE
 from ..state.digest import origin_of_corners
 from .coincident import coincidence_warnings
@@ -26,7 +27,7 @@ from .images import ImageReader
 from .instance_values import Asked, InstanceReader, asked_values
 from .layer_names import layer_names
 from .light_links import LightLinks
-from .local_mesh import read_local_mesh
+from .local_mesh import MeshToRead, read_local_mesh
 from .materials import MaterialReading, at_least_half_opaque, is_partly_transparent, read_material
 from .render_geometry import cut_out_objects, render_geometry, shown_instances, shows_itself, shows_mesh
 from .strands import STRANDS, Strands, finished, hair_modifiers, read_hair, read_strands
@@ -51,15 +52,21 @@ def scene_surface(
 ) -> Steps[SceneMesh]:
     """Read the surface of the objects in scope ("SELECTED" or "VISIBLE") in world units, with their materials.
 
-    All meshes come in one step, since their evaluation is Blender's and the window may change it; then one material a
-    step. chosen: session_uids of objects that count as selected. Raises EmptySelectionError if nothing in scope has
-    a surface, GeometryError if it has no area, or faces without vertices.
+    The first step copies all meshes, since their evaluation is Blender's and the window may change it; then one mesh
+    or material a step. chosen: session_uids of objects that count as selected. Raises EmptySelectionError if nothing
+    in scope has a surface, GeometryError if it has no area, or faces without vertices.
     """
     layer = depsgraph.view_layer
-    reader = _Reader(depsgraph.scene.frame_current_final, hair=layer.use_strand, solid=layer.use_solid)
-    with render_geometry(depsgraph):
-        for instance in shown_instances(depsgraph, scope, chosen):
-            reader.add(instance)
+    with temporary_meshes() as copies:
+        # Data must not change while a graph renders, and need no copy there.
+        wanted = None if depsgraph.mode == "RENDER" else copies
+        reader = _Reader(
+            depsgraph.scene.frame_current_final, hair=layer.use_strand, solid=layer.use_solid, copies=wanted
+        )
+        with render_geometry(depsgraph):
+            for instance in shown_instances(depsgraph, scope, chosen):
+                reader.add(instance)
+        yield from reader.meshes()
     parts, notes = reader.parts()
     notes += reader.left_out()
     if not layer.use_solid:  # bakes of Cycles take all meshes
@@ -87,6 +94,7 @@ def scene_surface(
     gloss = tuple(reading.gloss for reading in readings)
     yield _READING
     source = SceneMesh(parts, materials, tuple(reader.material_names), warnings, links, gloss, color_warnings)
+    yield _READING
     warnings += coincidence_warnings(source)
     return source
 
@@ -141,15 +149,16 @@ class _Placed(NamedTuple):
 class _Reader:
     """Collector of instances; each mesh and each material once.
 
-    hair, solid: whether the view layer shows strands, and meshes. unread_materials: those that cannot be read.
+    hair, solid: whether the view layer shows strands, and meshes. copies: takes copies of meshes, which are read
+    later; None reads them at once. unread_materials: those that cannot be read.
     """
 
-    def __init__(self, frame: float, *, hair: bool = True, solid: bool = True) -> None:
-        self._hair, self._solid = hair, solid
+    def __init__(self, frame: float, *, hair: bool, solid: bool, copies: list[bpy.types.Mesh] | None) -> None:
+        self._hair, self._solid, self._copies = hair, solid, copies
         self.material_names: dict[str, int] = {}
         self.light_links = LightLinks()
         self.instance_reader = InstanceReader(frame)
-        self._meshes: dict[tuple[object, ...], LocalMesh | Strands | None] = {}
+        self._meshes: dict[tuple[object, ...], LocalMesh | Strands | MeshToRead | None] = {}
         self._needs: dict[str, tuple[frozenset[str], frozenset[Asked]]] = {}
         self._placed: dict[tuple[object, ...], list[_Placed]] = {}
         self._left_out: dict[str, set[str]] = {}
@@ -170,7 +179,7 @@ class _Reader:
         shared = item.data and item.data.as_pointer(), layers  # objects with the same key share a mesh
         if shows_mesh(instance):
             if self._solid:
-                self._add(instance, shared, partial(_read_mesh, instance, layers))
+                self._add(instance, shared, partial(self._mesh_to_read, instance, layers))
         elif shows_itself(instance) and item.type in STRANDS and (self._hair or item.type != "CURVES"):
             self._add(instance, shared, partial(read_strands, item, layers))
         elif shows_itself(instance) and item.type in LEFT_OUT:
@@ -184,7 +193,7 @@ class _Reader:
         self,
         instance: bpy.types.DepsgraphObjectInstance,
         key: tuple[object, ...],
-        read: Callable[[], LocalMesh | Strands | None],
+        read: Callable[[], LocalMesh | Strands | MeshToRead | None],
     ) -> None:
         """Add a placement of a mesh; a mesh with a new key is read."""
         item = instance.object
@@ -194,12 +203,7 @@ class _Reader:
             return
         if key not in self._meshes:
             mesh = read()
-            if isinstance(mesh, LocalMesh) and mesh.turned:
-                self._turned.add(item.name)
-            if mesh is not None and mesh.damaged:
-                kind = "Hair and points with coordinates" if isinstance(mesh, Strands) else "Faces with vertices"
-                self._damaged.setdefault(kind, set()).add(item.name)
-            self._meshes[key] = mesh if mesh is not None and len(mesh) else None
+            self._meshes[key] = mesh if isinstance(mesh, MeshToRead) else self._checked(mesh, item.name)
         if self._meshes[key] is not None:
             slots = tuple(self._material(slot.material) for slot in item.material_slots)
             placed = _Placed(
@@ -210,6 +214,44 @@ class _Reader:
                 self.light_links.number(instance),
             )
             self._placed.setdefault(key, []).append(placed)
+
+    def _mesh_to_read(
+        self, instance: bpy.types.DepsgraphObjectInstance, layers: frozenset[str]
+    ) -> LocalMesh | MeshToRead | None:
+        item = instance.object
+        # A mesh of geometry nodes or of a curve belongs to no object.
+        of_data = instance.is_instance and isinstance(item.data, bpy.types.Mesh)
+        how = item.name, item.data.original.name, layers, origin_of_corners(item)
+        if self._copies is not None:
+            copy = mesh_copy(item, self._copies, of_data=of_data)
+            return MeshToRead(copy, *how) if len(copy.polygons) else None
+        if of_data:
+            return read_local_mesh(MeshToRead(item.data, *how))
+        mesh = item.to_mesh()
+        try:
+            return mesh and read_local_mesh(MeshToRead(mesh, *how))
+        finally:
+            item.to_mesh_clear()
+
+    def meshes(self) -> Steps[None]:
+        """Read the copies, one a step; an unexpected error leaves out all objects with a mesh."""
+        for key, mesh in list(self._meshes.items()):
+            if isinstance(mesh, MeshToRead):
+                yield _READING
+                self._meshes[key] = None
+                for name in dict.fromkeys(each.name for each in self._placed.get(key, ())):
+                    with self._unread.leaving_out(name):
+                        self._meshes[key] = self._checked(read_local_mesh(mesh), mesh.name)
+                        break
+
+    def _checked(self, mesh: LocalMesh | Strands | None, name: str) -> LocalMesh | Strands | None:
+        """Return what was read of an object if anything is left, and note what is wrong with it."""
+        if isinstance(mesh, LocalMesh) and mesh.turned:
+            self._turned.add(name)
+        if mesh is not None and mesh.damaged:
+            kind = "Hair and points with coordinates" if isinstance(mesh, Strands) else "Faces with vertices"
+            self._damaged.setdefault(kind, set()).add(name)
+        return mesh if mesh is not None and len(mesh) else None
 
     def _needs_of(self, item: bpy.types.Object) -> tuple[frozenset[str], frozenset[Asked]]:
         """Layers and values that the materials of an object request."""
@@ -251,10 +293,10 @@ class _Reader:
     def parts(self) -> tuple[tuple[MeshInstances, ...], list[str]]:
         """All MeshInstances, in order of first appearance, and sentences for users."""
         parts = []
-        read = {key: mesh for key in self._placed if (mesh := self._meshes[key]) is not None}
+        read = {key: mesh for key in self._placed if isinstance(mesh := self._meshes[key], LocalMesh | Strands)}
         meshes, notes = finished(read, {key: len(placed) for key, placed in self._placed.items()})
-        for key, placed in self._placed.items():
-            mesh = meshes[key]
+        for key, mesh in meshes.items():
+            placed = self._placed[key]
             width = max(len(each.slots) for each in placed)  # repeat the last slot, as for faces beyond the slots
             slots = [(*each.slots, *(each.slots[-1:] * (width - len(each.slots)))) for each in placed]
             parts.append(
@@ -289,17 +331,3 @@ def _values(placed: Sequence[_Placed]) -> dict[str, np.ndarray]:
         asked.layer: np.array([each.values.get(asked, (0.0,) * width) for each in placed], np.float32)
         for asked, width in sorted(widths.items())
     }
-
-
-def _read_mesh(instance: bpy.types.DepsgraphObjectInstance, layers: frozenset[str]) -> LocalMesh | None:
-    """Mesh of an instance as arrays."""
-    item = instance.object
-    origin = origin_of_corners(item)
-    if instance.is_instance and isinstance(item.data, bpy.types.Mesh):
-        # A mesh of geometry nodes or of a curve belongs to no object.
-        return read_local_mesh(item.data, item.name, layers, origin)
-    mesh = item.to_mesh()
-    try:
-        return mesh and read_local_mesh(mesh, item.name, layers, origin)
-    finally:
-        item.to_mesh_clear()

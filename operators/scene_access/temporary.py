@@ -36,14 +36,40 @@ def temporary(block: Block, instead_of: bpy.types.ID | None = None) -> Iterator[
 
     instead_of: replaces the data-block if undo restores it.
     """
-    block.is_runtime_data = True
-    block[_MARK] = instead_of or True
+    _mark(block, instead_of or True)
     collection = getattr(bpy.data, _COLLECTIONS[type(block).__name__])
     try:
         yield block
     finally:
         with suppress(ReferenceError):
             collection.remove(block)
+
+
+@contextmanager
+def temporary_meshes() -> Iterator[list[bpy.types.Mesh]]:
+    """List to which `mesh_copy` adds; removes its meshes after the block of code, unless another file was opened."""
+    meshes: list[bpy.types.Mesh] = []
+    try:
+        yield meshes
+    finally:
+        with suppress(ReferenceError):
+            bpy.data.batch_remove(meshes)  # one by one, each takes a millisecond
+
+
+def mesh_copy(item: bpy.types.Object, meshes: list[bpy.types.Mesh], *, of_data: bool) -> bpy.types.Mesh:
+    """Copy the mesh of an evaluated object, which shares its arrays with it until either changes.
+
+    meshes: of `temporary_meshes`. of_data: copy its data as they are; else as `to_mesh`, which counts Edit Mode.
+    """
+    mesh = item.data.copy() if of_data else bpy.data.meshes.new_from_object(item)
+    meshes.append(mesh)
+    _mark(mesh, True)
+    return mesh
+
+
+def _mark(block: bpy.types.ID, value: bpy.types.ID | bool) -> None:
+    block.is_runtime_data = True
+    block[_MARK] = value
 
 
 @contextmanager

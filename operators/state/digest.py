@@ -260,10 +260,7 @@ class Digest:
             self.array("strands", values_of(data.curve_offset_data, "value", 1, np.int32))
         if not isinstance(data, bpy.types.Mesh):
             return
-        corners = data.attributes.get(_CORNERS)  # the same as of `loops`, many times faster
-        self.array(
-            "loops", values_of(*((corners.data, "value") if corners else (data.loops, "vertex_index")), 1, np.int32)
-        )
+        self.array("loops", vertices_of_corners(data))
         self.text(len(data.polygons))
         if len(data.loops) != 3 * len(data.polygons):  # else all are triangles: this is slow
             self.array("polygons", values_of(data.polygons, "loop_start", 1, np.int32))
@@ -289,6 +286,12 @@ def origin_of_corners(item: bpy.types.Object) -> str:
     for modifier in item.modifiers:
         digest.modifier(modifier)
     return digest.hexdigest()
+
+
+def vertices_of_corners(mesh: bpy.types.Mesh) -> np.ndarray:
+    """(L,) int32 vertex of each corner of a mesh's faces."""
+    corners = mesh.attributes.get(_CORNERS)  # the same as of `loops`, many times faster
+    return values_of(*((corners.data, "value") if corners else (mesh.loops, "vertex_index")), 1, np.int32)
 
 
 @cache  # listing properties takes longer than reading values

@@ -278,10 +278,10 @@ def _batch(runs: tuple[Run, ...], first_triangle: int, materials: tuple[Material
 
 def _boxes(part: MeshInstances) -> Iterator[np.ndarray]:
     """(2, 3) float64 of each placed mesh."""
-    vertices = part.mesh.vertices.astype(np.float64)
+    vertices = np.ascontiguousarray(part.mesh.vertices.T, np.float64)  # sums over rows are several times faster
     for matrix in part.matrices_world:
-        points = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-        yield np.stack([points.min(axis=0), points.max(axis=0)])
+        points = matrix[:3, :3] @ vertices + matrix[:3, 3:]
+        yield np.stack([points.min(axis=1), points.max(axis=1)])
 
 
 def _has_area(corners_world: np.ndarray) -> bool:

@@ -211,7 +211,9 @@ def test_faces_of_a_grid_are_distinct(side: int) -> None:
 
 def _names(values: tuple[Any, ...]) -> list[str]:
     """Names of data-blocks that arguments are, or belong to, or are nodes of."""
-    owners = [owner for value in values for owner in (value, getattr(value, "object", None))]
+    owners = [
+        owner for value in values for owner in (value, getattr(value, "object", None), getattr(value, "mesh", None))
+    ]
     owners += [getattr(value, "id_data", None) for value in values]
     trees = [value for value in values if isinstance(value, bpy.types.NodeTree)]
     owners += [paint for paint in bpy.data.materials if paint.node_tree in trees]
