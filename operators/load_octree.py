@@ -74,7 +74,7 @@ class PATCHNET_OT_load_octree(JobOperator, bpy.types.Operator):
         loading = Progress(0, 1, "Loading the octree")
         octree, coded, problem = yield from computed(loaded_files, path, weights, at=loading)
         yield Progress(0, 1, "Looking at the scene")
-        state = read_state(context.scene)
+        state = yield from read_state(context.scene)
         made = _result(octree, coded, state, context.scene)
         keep(context.scene, made)
         if problem:

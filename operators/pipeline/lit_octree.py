@@ -141,7 +141,7 @@ def read_surface(
         if overrides.depsgraph is not None:
             scene, layer = overrides.depsgraph.scene.original, overrides.depsgraph.view_layer.name
         # First, so that changes between two steps are noticed.
-        state = read_state(scene, layer, selected=selected, chosen=overrides.chosen)
+        state = yield from read_state(scene, layer, selected=selected, chosen=overrides.chosen)
         yield Progress(0, 1, "Reading the scene")
         depsgraph = overrides.depsgraph or context.evaluated_depsgraph_get()
         source = yield from scene_surface(depsgraph, settings.surface.scope, overrides.chosen)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import bpy
 
 from ...patchnet_addon.runtime.omissions import Omissions
+from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, may_appear, passed_over
 from .digest import composed
 
@@ -40,6 +41,7 @@ _OF_CYCLES = (
 _OVERRIDES = "material_override", "world_override"  # of a view layer
 _SETTINGS = "world or render settings", ""
 _UNREAD = Part("", ())
+_A_STEP = 256  # data-blocks
 _NEIGHBOURS = 4  # references that are followed, to tell data-blocks with the same values apart
 
 
@@ -138,17 +140,25 @@ class SceneState:
 
 
 def scene_state(
+    scene: bpy.types.Scene, layer: str = "", chosen: frozenset[int] | None = None, *, keys: bool = True
+) -> SceneState:
+    """Read the state of a scene at once, see `state_steps`."""
+    return drain(state_steps(scene, layer, chosen, keys=keys))
+
+
+def state_steps(
     scene: bpy.types.Scene,
     layer: str = "",
     chosen: frozenset[int] | None = None,
     *,
     selected: bool = False,
     keys: bool = True,
-) -> SceneState:
+) -> Steps[SceneState]:
     """Read the state of a scene and of all data-blocks that it refers to, without objects that show results.
 
     layer: name of the view layer, by default that of the context. chosen: session_uids of the objects that have voxels,
     None for all; selected: those that are selected now. keys: with keyframes, and not their present values alone.
+    Raises ReferenceError if data-blocks are deleted between two steps.
     """
     begun = time.perf_counter()
     present = bpy.context.view_layer if bpy.context.scene == scene else None
@@ -183,6 +193,10 @@ def scene_state(
             animated |= reader.animated
             waiting[mine] += [(other, owner) for other in references]
             waiting[LIGHT] += [(other, owner) for other in lit_references]
+            if len(entries) % _A_STEP == 0:
+                paused = time.perf_counter()
+                yield Progress(0, 1, "Reading the scene")
+                begun += time.perf_counter() - paused
     frame = scene.frame_current if animated else None
     shown = {uid: how for uid, (_, how) in found.items()}
     warnings = tuple(unread.sentences("Object", "not watched for changes"))

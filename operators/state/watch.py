@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 import bpy
 
 from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.runtime.progress import Steps
 from ..scene_access.main_thread import in_main_thread
 from ..scene_access.window_state import Part
 from .block_hashes import place_of_gloss
-from .scene_state import Change, SceneState, scene_state
+from .scene_state import Change, SceneState, scene_state, state_steps
 
 
 @dataclass(eq=False)
@@ -51,19 +52,26 @@ def read_state(
     *,
     selected: bool = False,
     chosen: frozenset[int] | None = None,
-) -> SceneState:
+) -> Steps[SceneState]:
     """Read the scene's state, as the current job reads it now.
 
-    selected: selected objects alone have voxels, or those `chosen` by session_uid.
+    selected: selected objects alone have voxels, or those `chosen` by session_uid. Raises SceneError if data-blocks
+    are deleted meanwhile.
     """
+    monitor = change_monitor()
+    watched = monitor.scene is not None and in_main_thread()
+    if watched:
+        monitor.state, monitor.edited = None, False  # edits between two steps of the reading count as later ones
     if in_main_thread():
         for item in scene.objects:
             if item.mode == "EDIT":  # evaluated objects show edits that the mesh data lack until Edit Mode ends
                 item.update_from_editmode()
-    state = scene_state(scene, layer, chosen if selected else None, selected=selected and chosen is None)
-    monitor = change_monitor()
-    if monitor.scene is not None and in_main_thread():
-        monitor.state, monitor.edited = state, False
+    try:
+        state = yield from state_steps(scene, layer, chosen if selected else None, selected=selected and chosen is None)
+    except ReferenceError as cause:
+        raise SceneError("Objects were deleted while the scene was read: start again") from cause
+    if watched:
+        monitor.state = state
     return state
 
 
@@ -83,8 +91,9 @@ def changes_meanwhile() -> list[Change]:
     scene = next(each for each in bpy.data.scenes if each.session_uid == monitor.scene)
     if any(item.mode == "EDIT" for item in scene.objects):
         return []
-    now = scene_state(scene, monitor.state.layer, monitor.state.chosen)
-    return monitor.state.differences(now, scene)
+    changes = monitor.state.differences(scene_state(scene, monitor.state.layer, monitor.state.chosen), scene)
+    monitor.edited = bool(changes)  # Blender reports updates without a change, too
+    return changes
 
 
 def check_unchanged() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Preview a scene in a window, and note times, memory and gaps between timer events.
+"""Preview a scene in a window, render it, preview it again, and note times, memory and gaps between timer events.
 
     blender -p 0 0 1000 800 courtyard.blend -P smooth_window.py -- OUT NAME DEPTH
 
@@ -16,7 +16,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import PACKAGE, Visit, choose, module, press, running
+from visits import PACKAGE, Visit, choose, ends_of_renders, module, press, render, running
 
 NAME, DEPTH = sys.argv[-2], int(sys.argv[-1])
 SETTINGS = {
@@ -28,7 +28,7 @@ _MOST = 12  # gaps that are told
 
 visit = Visit(NAME)
 seen = visit.seen
-memory = importlib.import_module(f"{PACKAGE}.patchnet_addon.runtime.{'memory' if 'new' in NAME else 'heap'}")
+memory = importlib.import_module(f"{PACKAGE}.patchnet_addon.runtime.memory")
 
 
 class Watch(bpy.types.Operator):
@@ -60,6 +60,19 @@ def first(word: str) -> float | None:
     return next((round(at - begun, 3) for at, label in Watch.times if word in label), None)
 
 
+def gaps() -> dict[str, object]:
+    """What is told of the gaps so far."""
+    found = [(1000.0 * (b[0] - a[0]), a[1], b[1]) for a, b in zip(Watch.times, Watch.times[1:], strict=False)]
+    found_ms = [gap for gap, *_ in found]
+    return {
+        "seconds": round(Watch.times[-1][0] - Watch.times[0][0], 2),
+        "median_ms": round(statistics.median(found_ms), 2),
+        "longest_ms": round(max(found_ms)),
+        "above_50_ms": sum(gap > 50.0 for gap in found_ms),
+        "longest": [f"{gap:.0f} {' -> '.join(labels)}" for gap, *labels in sorted(found, reverse=True)[:_MOST]],
+    }
+
+
 def redraws() -> clicks.Session:
     """Gaps while nothing computes, but the window is drawn again and again, as for a job's progress and pictures."""
     Watch.times.clear()
@@ -67,8 +80,28 @@ def redraws() -> clicks.Session:
         yield 0.1
         for area in clicks.window().screen.areas:
             area.tag_redraw()
-    gaps_ms = [1000.0 * (b[0] - a[0]) for a, b in zip(Watch.times, Watch.times[1:], strict=False)]
-    return {"median_ms": statistics.median(gaps_ms), "longest_ms": max(gaps_ms)}
+    return gaps()
+
+
+def job(viewport: bpy.types.Area | None = None) -> clicks.Session:
+    """Gaps of a job, with another editor in place of a viewport, which takes long to draw without a graphics card."""
+    press("run_all")
+    if viewport is not None:
+        viewport.type = "TEXT_EDITOR"
+        yield 1.0
+    Watch.times.clear()
+    yield from clicks.wait_for(lambda: not running(), "the job ends", 1200.0)
+    return gaps() | {"baking_s": first("Baking light"), "stand_in_s": first("Looking where")}
+
+
+def own_render() -> clicks.Session:
+    """Gaps of what a user would do instead: F12, with Cycles."""
+    bpy.context.preferences.view.render_display_type = "NONE"
+    clicks.window().scene.cycles.samples, ended = 64, ends_of_renders()
+    Watch.times.clear()
+    render(*SETTINGS["size"], engine="CYCLES")
+    yield from clicks.wait_for(lambda: bool(ended), "Cycles has rendered", 300.0)
+    return gaps()
 
 
 def session() -> clicks.Session:
@@ -80,19 +113,14 @@ def session() -> clicks.Session:
     with bpy.context.temp_override(window=clicks.window()):
         bpy.ops.wm.patchnet_watch("INVOKE_DEFAULT")
     seen["redraws"] = yield from redraws()
-    Watch.times.clear()
-    press("run_all")
-    yield from clicks.wait_for(lambda: not running(), "the job ends", 1200.0)
-    gaps = [(b[0] - a[0], a[1], b[1]) for a, b in zip(Watch.times, Watch.times[1:], strict=False)]
-    gaps_ms = [1000.0 * gap for gap, *_ in gaps]
-    seen["job_s"] = round(Watch.times[-1][0] - Watch.times[0][0], 2)
-    seen["baking_s"], seen["stand_in_s"] = first("Baking light"), first("Looking where")
-    seen["median_ms"], seen["longest_ms"] = statistics.median(gaps_ms), max(gaps_ms)
-    seen["above_50_ms"] = sum(gap > 50.0 for gap in gaps_ms)
-    seen["gaps"] = [(round(1000.0 * gap), *labels) for gap, *labels in sorted(gaps, reverse=True)[:_MOST]]
+    seen["job"] = yield from job()
     seen["memory_mb"] = {"before": before >> 20, "peak": Watch.peak >> 20}
     yield 2.0
     seen["memory_mb"]["after"] = memory.resident_bytes() >> 20
+    seen["render"] = yield from own_render()
+    clicks.window().scene.objects["Sun"].rotation_euler.z += 0.1
+    yield 1.0
+    seen["job without viewport"] = yield from job(clicks.area("VIEW_3D"))
     Watch.on = False
     yield 0.2
 

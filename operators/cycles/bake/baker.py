@@ -145,6 +145,7 @@ class SurfelBaker:
             from_camera = self._light.from_camera and scene.camera is not None
             scene.render.bake.view_from = "ACTIVE_CAMERA" if from_camera else "ABOVE_SURFACE"
             image = stack.enter_context(bake_image(plan.size))
+            yield at  # a window draws between the parts of this
             materials: list[bpy.types.Material] = []
             for back in (False, True):
                 own = [names[number] for number, is_back in part.used if is_back == back]
@@ -153,8 +154,10 @@ class SurfelBaker:
                     oblique=not self._light.from_camera, gloss=passes.gloss, unread=self._unread,
                 )  # fmt: skip
                 materials += stack.enter_context(views)
+            yield at
             mesh = stack.enter_context(temporary(bpy.data.meshes.new("PatchNet Bake")))
             fill_mesh(mesh, part, materials)
+            yield at
             item = stack.enter_context(bake_object(scene, mesh))
             stack.enter_context(lit_as(item, links))
             target = BakeTarget(scene, scene.view_layers[layer], item, image, passes.gloss, passes.colors)
