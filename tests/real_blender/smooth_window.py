@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Preview a scene in a window, render it, preview it again, and note times, memory and gaps between timer events.
+"""Preview a scene in a window, look at it and render it, and note times, memory and gaps between timer events.
 
     blender -p 0 0 1000 800 courtyard.blend -P smooth_window.py -- OUT NAME DEPTH
 
@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 
 import bpy
+from mathutils import Quaternion
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
@@ -104,6 +105,37 @@ def own_render() -> clicks.Session:
     return gaps()
 
 
+def viewport() -> clicks.Session:
+    """Time that our engine takes of a frame of the viewport, in which it refines a view, and then of many views."""
+    kind = importlib.import_module(f"{PACKAGE}.operators.render_engine.viewport").Viewport
+    before, taken_ms = kind.draw, []
+
+    def draw(self, *given):
+        begun = time.perf_counter()
+        before(self, *given)
+        taken_ms.append(1000.0 * (time.perf_counter() - begun))
+
+    kind.draw = draw
+    space = clicks.area("VIEW_3D").spaces.active
+    clicks.window().scene.render.engine, space.region_3d.view_perspective = "PATCHNET", "CAMERA"
+    space.shading.type = "RENDERED"
+    yield 5.0
+    found = {"refining_ms": told(taken_ms)}
+    taken_ms.clear()
+    space.region_3d.view_perspective = "PERSP"
+    for _ in range(60):
+        space.region_3d.view_rotation = Quaternion((0, 0, 1), 0.02) @ space.region_3d.view_rotation
+        yield 0.02
+    found["orbiting_ms"] = told(taken_ms)
+    space.shading.type, kind.draw = "SOLID", before
+    return found
+
+
+def told(taken_ms: list[float]) -> dict[str, float]:
+    """Median and longest of some times."""
+    return {"frames": len(taken_ms), "median": round(statistics.median(taken_ms), 1), "longest": round(max(taken_ms))}
+
+
 def session() -> clicks.Session:
     """The whole visit."""
     bpy.utils.register_class(Watch)
@@ -117,6 +149,7 @@ def session() -> clicks.Session:
     seen["memory_mb"] = {"before": before >> 20, "peak": Watch.peak >> 20}
     yield 2.0
     seen["memory_mb"]["after"] = memory.resident_bytes() >> 20
+    seen["viewport"] = yield from viewport()
     seen["render"] = yield from own_render()
     clicks.window().scene.objects["Sun"].rotation_euler.z += 0.1
     yield 1.0
