@@ -98,7 +98,7 @@ def _trace_band(nodes, camera, first_row, offset, levels_down, scratch, stops, p
     finer, lookahead = levels_down
     tile = scratch[0]
     shrink = 1.0 / (np.int64(1) << finer)
-    search = Search(shrink * camera.side_at_0, shrink * camera.side_per_z, 1.0, COARSE, 1.0 / shrink)
+    search = Search(shrink * camera.side_at_0, shrink * camera.side_per_z, 1.0, COARSE)
     for first_column in range(0, camera.width_px, TILE):
         columns = camera.width_px - first_column
         corner = first_row, first_column

@@ -114,20 +114,15 @@ def build_splat(builder, kind, value):
     return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(ir.IntType(32), kind.lanes), None))
 
 
-def _splatting(lanes: int) -> Callable[..., object]:
-    def typing(_typing, value):
-        kind = VectorType(value, lanes)
+@intrinsic
+def splat(_typing, number):
+    """Vector with the same number in every lane: splat(number)."""
+    kind = VectorType(number, LANES)
 
-        def build(_context, builder, _signature, arguments):
-            return build_splat(builder, kind, arguments[0])
+    def build(_context, builder, _signature, arguments):
+        return build_splat(builder, kind, arguments[0])
 
-        return kind(value), build
-
-    return typing
-
-
-splat = intrinsic(_splatting(LANES))  # vector with the same number in every lane: splat(number)
-splat_octants = intrinsic(_splatting(OCTANTS))  # with a lane for each child of a node
+    return kind(number), build
 
 
 @intrinsic
@@ -274,19 +269,15 @@ def square_root(_typing, vector):
     return vector(vector), build
 
 
-def _reducing(name: str) -> Callable[..., object]:
-    def typing(_typing, vector):
-        def build(_context, builder, _signature, arguments):
-            function = _intrinsic(builder, f"vector.reduce.{name}", vector, vector.ir.element)
-            return builder.call(function, arguments, fastmath=("nnan",))
+@intrinsic
+def largest(_typing, vector):
+    """Maximum of a vector's lanes: largest(vector)."""
 
-        return vector.element(vector), build
+    def build(_context, builder, _signature, arguments):
+        function = _intrinsic(builder, "vector.reduce.fmax", vector, vector.ir.element)
+        return builder.call(function, arguments, fastmath=("nnan",))
 
-    return typing
-
-
-smallest = intrinsic(_reducing("fmin"))  # minimum of a vector's lanes: smallest(vector)
-largest = intrinsic(_reducing("fmax"))  # maximum of a vector's lanes: largest(vector)
+    return vector.element(vector), build
 
 
 def _intrinsic(builder, name, vector, result):

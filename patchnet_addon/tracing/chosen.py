@@ -66,7 +66,7 @@ def fine_rays(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKAH
     unit = camera_in_unit_cube(camera, octree.grid)
     footprint = finer_than_pixel(lookahead)
     finer = unit.finer(footprint)
-    search = Search(finer.side_at_0, finer.side_per_z, 1.0, COARSE, footprint / 2.0)
+    search = Search(finer.side_at_0, finer.side_per_z, 1.0, COARSE)
     chosen = Chosen.by_blocks(pixels, unit.width_px, 2, grid_places(2))
     seen = np.empty((len(pixels), 4), np.float32)
     run_parts(_trace_blocks, len(chosen.starts) - 1, (octree.nodes, octree.light), unit, search, chosen, seen)

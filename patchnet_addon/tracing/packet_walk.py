@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Walk of a packet of 4x4 rays through the subtree of one node: each ray is tested by itself, all in vector lanes.
+"""Walk of a packet of 4x4 rays through an octree: each ray is tested by itself, all in vector lanes.
 
 A ray enters a node at the largest of its start and of the distances of the node's three lower planes. A node that fits
 the ray's pixel, or a leaf, ends the ray's phase (methods 4.1b). Depending on its phases, the ray continues to the first
@@ -66,22 +66,26 @@ class _Planes(NamedTuple):
 
 
 @device
-def walk_packet(nodes, search, tile, packet, mirror, levels, top):
-    """Walk the subtree of the node at level `top` with the rays of a packet that are alive; returns visited nodes."""
+def walk_packet(nodes, search, tile, packet, mirror, levels):
+    """Walk from the root with the rays of a packet that are alive; returns the number of visited nodes.
+
+    levels: scratch of `make_levels`.
+    """
     first = packet * LANES
-    size = 1.0 / (np.int64(1) << top)
-    enter = _entry(tile, first, levels, top, size)
-    leave = _exit(tile, first, levels, top, size)
+    for column in range(AT + 3):  # the root, and its cell
+        levels[0, column] = 0
+    size = 1.0
+    enter, leave = _entry(tile, first, levels, 0, size), _exit(tile, first, levels, 0, size)
     lanes = tile.lanes[ALIVE, packet] & less(enter, leave)
     if lanes == 0:
         return 1
     largest_side = _largest_fitting_side(search, tile, packet, lanes, leave)
     visits = 1
-    level = top - 1
+    level = np.int64(-1)
     while True:
         # Rays of `lanes` hit the node at level + 1, of side `size`.
         if lanes != 0:
-            if size < largest_side or nodes.child_mask[levels.state[level + 1, HERE]] == 0:
+            if size < largest_side or nodes.child_mask[levels[level + 1, HERE]] == 0:
                 lanes = _end_phases(nodes, search, tile, packet, mirror, levels, level + 1, lanes)
             if lanes != 0:
                 level += 1
@@ -90,18 +94,18 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):
         alive = tile.lanes[ALIVE, packet]
         if alive == 0:
             break
-        while level >= top and levels.state[level, PENDING] == 0:
+        while level >= 0 and levels[level, PENDING] == 0:
             level -= 1
             size *= 2.0
-        if level < top:
+        if level < 0:
             break
-        pending = levels.state[level, PENDING]
+        pending = levels[level, PENDING]
         octant = lowest_one(pending)
-        levels.state[level, PENDING] = pending & (pending - 1)
-        lanes = levels.state[level, MET + octant] & alive
+        levels[level, PENDING] = pending & (pending - 1)
+        lanes = levels[level, MET + octant] & alive
         if lanes != 0:
             visits += 1
-            step_down(nodes, mirror, levels, level, octant)
+            _step_down(nodes, mirror, levels, level, octant)
     return visits
 
 
@@ -114,19 +118,17 @@ def _largest_fitting_side(search, tile, packet, lanes, leave):
 
 
 @device
-def step_down(nodes, mirror, levels, level, octant):
+def _step_down(nodes, mirror, levels, level, octant):
     """Write the child of a level's node at a mirrored octant into the next level."""
-    node = levels.state[level, HERE]
+    node = levels[level, HERE]
     below = (np.int64(1) << (octant ^ mirror)) - 1
-    levels.state[level + 1, HERE] = np.int64(nodes.first_child[node]) + count_ones(
-        np.int64(nodes.child_mask[node]) & below
-    )
+    levels[level + 1, HERE] = np.int64(nodes.first_child[node]) + count_ones(np.int64(nodes.child_mask[node]) & below)
     for axis in range(3):
-        levels.state[level + 1, AT + axis] = 2 * levels.state[level, AT + axis] + ((octant >> axis) & 1)
+        levels[level + 1, AT + axis] = 2 * levels[level, AT + axis] + ((octant >> axis) & 1)
 
 
 @device
-def mirrored_children(mask, mirror):
+def _mirrored_children(mask, mirror):
     """Child mask in mirrored coordinates."""
     mask = np.int64(mask)
     if mirror & 1:
@@ -148,29 +150,29 @@ def _to_plane(tile, axis, first, plane):
 @device
 def _entry(tile, first, levels, level, size):
     """Lengths at which a packet's rays enter the node of a level."""
-    x = _to_plane(tile, 0, first, levels.state[level, AT] * size)
-    y = _to_plane(tile, 1, first, levels.state[level, AT + 1] * size)
-    z = _to_plane(tile, 2, first, levels.state[level, AT + 2] * size)
+    x = _to_plane(tile, 0, first, levels[level, AT] * size)
+    y = _to_plane(tile, 1, first, levels[level, AT + 1] * size)
+    z = _to_plane(tile, 2, first, levels[level, AT + 2] * size)
     return larger(larger(x, y), larger(z, load(tile.numbers, START * RAYS + first)))
 
 
 @device
 def _exit(tile, first, levels, level, size):
     """Lengths at which a packet's rays leave the node of a level."""
-    x = _to_plane(tile, 0, first, (levels.state[level, AT] + 1) * size)
-    y = _to_plane(tile, 1, first, (levels.state[level, AT + 1] + 1) * size)
-    z = _to_plane(tile, 2, first, (levels.state[level, AT + 2] + 1) * size)
+    x = _to_plane(tile, 0, first, (levels[level, AT] + 1) * size)
+    y = _to_plane(tile, 1, first, (levels[level, AT + 1] + 1) * size)
+    z = _to_plane(tile, 2, first, (levels[level, AT + 2] + 1) * size)
     return smaller(smaller(x, y), z)
 
 
 @device
 def _box_span(nodes, tile, first, mirror, levels, level):
     """Lengths at which a packet's rays enter and leave the box of a level's node; the node must have one."""
-    box = nodes.boxes[levels.state[level, HERE] - nodes.first_boxed]
+    box = nodes.boxes[levels[level, HERE] - nodes.first_boxed]
     step = 1.0 / (STEPS * (np.int64(1) << level))
-    near_x, far_x = _box_planes(tile, 0, first, levels.state[level, AT], step, mirrored_span(box[0], mirror & 1))
-    near_y, far_y = _box_planes(tile, 1, first, levels.state[level, AT + 1], step, mirrored_span(box[1], mirror & 2))
-    near_z, far_z = _box_planes(tile, 2, first, levels.state[level, AT + 2], step, mirrored_span(box[2], mirror & 4))
+    near_x, far_x = _box_planes(tile, 0, first, levels[level, AT], step, mirrored_span(box[0], mirror & 1))
+    near_y, far_y = _box_planes(tile, 1, first, levels[level, AT + 1], step, mirrored_span(box[1], mirror & 2))
+    near_z, far_z = _box_planes(tile, 2, first, levels[level, AT + 2], step, mirrored_span(box[2], mirror & 4))
     enter = larger(larger(near_x, near_y), larger(near_z, load(tile.numbers, START * RAYS + first)))
     return enter, smaller(smaller(far_x, far_y), far_z)
 
@@ -195,8 +197,8 @@ def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):
     """End the phases of rays among `lanes` that the node of a level stops; returns lanes that continue inside it."""
     first = packet * LANES
     size = 1.0 / (np.int64(1) << level)
-    leaf = nodes.child_mask[levels.state[level, HERE]] == 0
-    boxed = levels.state[level, HERE] >= nodes.first_boxed
+    leaf = nodes.child_mask[levels[level, HERE]] == 0
+    boxed = levels[level, HERE] >= nodes.first_boxed
     tested = lanes
     while tested != 0:
         enter, leave = _entry(tile, first, levels, level, size), splat(_FAR)
@@ -204,10 +206,10 @@ def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):
         if boxed:
             enter, leave = _box_span(nodes, tile, first, mirror, levels, level)
             stopped &= less(enter, leave)
-        if leaf and _has_pieces(nodes, levels.state[level, HERE]):
+        if leaf and _has_pieces(nodes, levels[level, HERE]):
             if not boxed:
                 leave = _exit(tile, first, levels, level, size)
-            here = levels.state[level, HERE]
+            here = levels[level, HERE]
             stopped, enter = meet_pieces(nodes, tile, packet, mirror, here, size, (stopped, enter, leave))
         if not leaf:
             stopped &= less(splat(size), splat(2.0) * _pixel_side(search, tile, packet, enter))
@@ -235,7 +237,7 @@ def _record(tile, packet, phase, levels, level, ended, enter):
     first = packet * LANES
     here = phase * RAYS + first
     put(tile.numbers, LENGTH * RAYS + here, ended, enter)
-    put(tile.numbers, NODE * RAYS + here, ended, splat(np.float64(levels.state[level, HERE])))
+    put(tile.numbers, NODE * RAYS + here, ended, splat(np.float64(levels[level, HERE])))
     if phase == COARSE:
         _put_cell(tile, first, ended, levels, level)
 
@@ -245,7 +247,7 @@ def _put_cell(tile, first, lanes, levels, level):
     """Store the voxel that stopped some rays of a packet: cells of its level a side, and its own."""
     put(tile.numbers, CELLS * RAYS + first, lanes, splat(np.float64(np.int64(1) << level)))
     for axis in range(3):
-        put(tile.numbers, (CELL + axis) * RAYS + first, lanes, splat(np.float64(levels.state[level, AT + axis])))
+        put(tile.numbers, (CELL + axis) * RAYS + first, lanes, splat(np.float64(levels[level, AT + axis])))
 
 
 @device
@@ -263,8 +265,8 @@ def _begin_next(search, tile, packet, phase, ended):
 def _open(nodes, tile, first, mirror, levels, level, lanes):
     """Find the children of a level's node hit by each ray among `lanes`."""
     x, y, z = _child_planes(tile, first, levels, level)
-    existing = mirrored_children(nodes.child_mask[levels.state[level, HERE]], mirror)
-    found = levels.state[level]
+    existing = _mirrored_children(nodes.child_mask[levels[level, HERE]], mirror)
+    found = levels[level]
     pending = np.int64(0)
     if existing & 0x03:
         pending |= _open_pair(found, existing, 0, lanes, x, larger(y.low, z.low), smaller(y.middle, z.middle))
@@ -274,7 +276,7 @@ def _open(nodes, tile, first, mirror, levels, level, lanes):
         pending |= _open_pair(found, existing, 4, lanes, x, larger(y.low, z.middle), smaller(y.middle, z.high))
     if existing & 0xC0:
         pending |= _open_pair(found, existing, 6, lanes, x, larger(y.middle, z.middle), smaller(y.high, z.high))
-    levels.state[level, PENDING] = pending
+    levels[level, PENDING] = pending
 
 
 @device
@@ -282,9 +284,9 @@ def _child_planes(tile, first, levels, level):
     """Planes of a level's children: along x lengths at which rays enter the lower and upper one, and leave them."""
     child = 0.5 / (np.int64(1) << level)
     start = load(tile.numbers, START * RAYS + first)
-    x = _three_planes(tile, 0, first, 2 * levels.state[level, AT], child)
-    y = _three_planes(tile, 1, first, 2 * levels.state[level, AT + 1], child)
-    z = _three_planes(tile, 2, first, 2 * levels.state[level, AT + 2], child)
+    x = _three_planes(tile, 0, first, 2 * levels[level, AT], child)
+    y = _three_planes(tile, 1, first, 2 * levels[level, AT + 1], child)
+    z = _three_planes(tile, 2, first, 2 * levels[level, AT + 2], child)
     return ((larger(x.low, start), larger(x.middle, start)), (x.middle, x.high)), y, z
 
 

@@ -60,7 +60,7 @@ def fine_hits(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKAH
     finer voxels, 0 for a miss.
     """
     unit = camera_in_unit_cube(camera, octree.grid)
-    search = Search(unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), FINE, 1.0)
+    search = Search(unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), FINE)
     hits, fine, _ = trace_pixels(octree, camera, search)
     return _lit(octree, hits), seen_luminance(octree, fine, hits.direction)
 
@@ -81,7 +81,7 @@ def trace_pixels(
     """
     unit = camera_in_unit_cube(camera, octree.grid)
     if search is None:
-        search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, 1.0)
+        search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE)
     pixels = camera.pixel_count
     hits = Hits(
         width_px=camera.width_px,

@@ -184,7 +184,7 @@ def _spread(
     footprint = 1.0 if finer is None else finer / side
     light = _Light(octree.light, chroma, above_white, pieces, octree.exposure, clamps, footprint)
     chosen = Chosen.by_blocks(pixels, unit.width_px, side, splat.places)
-    search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, max(footprint, 1.0))
+    search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE)
     means = np.empty((len(pixels), len(splat.total), MEANS), np.float32)
     starts = lengths[chosen.places] if len(lengths) else lengths
     given = chosen, splat, starts

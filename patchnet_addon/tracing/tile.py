@@ -14,7 +14,7 @@ from ..cells.contract import MAX_LEVELS
 from ..cells.scales import LUMINANCE_SCALE
 from ..directional.node_kernels import luminance_along
 from ..runtime.kernels import array_device, device
-from ..runtime.vectors import LANES, OCTANTS, larger, less, load, select, smaller, splat, square_root, store
+from ..runtime.vectors import LANES, larger, less, load, select, smaller, splat, square_root, store
 from .camera import FORWARD, POSITION, RIGHT, UP
 
 TILE = 8  # pixels a side
@@ -57,19 +57,8 @@ WANTED, ALIVE, PHASE, MIRRORED = 0, 1, 2, 4
 _LANE_SETS = 7
 
 
-class Levels(NamedTuple):
-    """Nodes on the path to the present one, by level, with their children still to be visited.
-
-    state: (MAX_LEVELS, 13) int64; its columns are named below.
-    exits: (MAX_LEVELS, 8) float64, largest axial distance at which a ray of the tile leaves a child.
-    """
-
-    state: np.ndarray
-    exits: np.ndarray
-
-
-# Columns of `state`: the node, its mirrored cell, its children to be visited as bits, and the lanes of the present
-# packet that meet each child.
+# Columns of the nodes on the path to the present one, by level: the node, its mirrored cell, its children still to be
+# visited as bits, and the lanes of the present packet that meet each child.
 HERE, AT, PENDING, MET = 0, 1, 4, 5
 _COLUMNS = 13
 
@@ -78,15 +67,13 @@ class Search(NamedTuple):
     """Search of a tile's rays.
 
     at_0, per_z: side of their pixels at axial distance z is at_0 + per_z * z. finer: scale of the footprint in the
-    phase FINE, a power of two. last: the final phase of a ray. apart: distance of neighbouring rays over the side of
-    their pixels; it changes the order of visits alone.
+    phase FINE, a power of two. last: the final phase of a ray.
     """
 
     at_0: float
     per_z: float
     finer: float
     last: int
-    apart: float
 
 
 @array_device
@@ -97,8 +84,8 @@ def make_tile():
 
 @array_device
 def make_levels():
-    """Allocate the levels of a walk."""
-    return Levels(np.empty((MAX_LEVELS, _COLUMNS), np.int64), np.empty((MAX_LEVELS, OCTANTS)))
+    """Allocate the levels of a walk: (MAX_LEVELS, 13) int64."""
+    return np.empty((MAX_LEVELS, _COLUMNS), np.int64)
 
 
 @device

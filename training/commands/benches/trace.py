@@ -120,7 +120,7 @@ def views_of(octree: Octree, size_px: tuple[int, int]) -> list[Camera]:
 def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: int, threads: int) -> dict[str, Any]:
     """Rates of one camera, and the cost of the finer hit of a ray."""
     unit = camera_in_unit_cube(camera, octree.grid)
-    coarse = Search(unit.side_at_0, unit.side_per_z, 0.25, COARSE, 1.0)
+    coarse = Search(unit.side_at_0, unit.side_per_z, 0.25, COARSE)
     leaves = coarse._replace(at_0=0.0, per_z=0.0)
     pixels = _blocks(camera)
     runs: dict[str, Callable[[], Any]] = {
