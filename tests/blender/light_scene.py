@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import bpy
 import numpy as np
+import pytest
 
 from patchnet.operators.computing.octrees import LitSurface
 from patchnet.operators.cycles.bake import BakeJob, EachRound, bake_light
@@ -229,6 +230,20 @@ def assert_agrees(found: Comparison, contrast: float = 0.0) -> None:
     assert noise < 0.015, f"{noise:.1%} noise are too much to compare: take more samples"
     assert 1.0 - found.rendered.min() / found.bright >= contrast, "the light must be uneven"
     assert found.agrees, f"\nbaked\n{found.baked.round(3)}\nrendered\n{found.rendered.round(3)}"
+
+
+def assert_mean_of_views(paint: bpy.types.Material, samples: int, *, paths: int = 16, rel: float) -> BakedSurfels:
+    """Bake a ball of a material, which is as bright as Cycles' picture of it on the mean.
+
+    On its disc all angles are seen as often as a view of a surface has them.
+    """
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=0.98)
+    bpy.context.object.data.materials.append(paint)
+    bpy.ops.object.shade_smooth()
+    found = bake_surfels(paths)
+    light, alpha = picture(samples, 1, height=1.5)
+    assert found.luminance.mean() == pytest.approx(light.sum() / alpha.sum(), rel=rel)
+    return found
 
 
 def select(names: Sequence[str]) -> None:

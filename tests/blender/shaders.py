@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials and worlds of a few nodes."""
+"""Materials, images and worlds of a few nodes."""
+
+from collections.abc import Callable
 
 import bpy
+import numpy as np
+
+Maker = Callable[[bpy.types.NodeTree], bpy.types.NodeSocket]
 
 
 def material(name: str = "Grey") -> tuple[bpy.types.Material, bpy.types.NodeTree]:
@@ -37,6 +42,43 @@ def mixed(
     tree.links.new(first, node.inputs[1])
     tree.links.new(second, node.inputs[2])
     return node.outputs[0]
+
+
+def added(tree: bpy.types.NodeTree, *shaders: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """The sum of two shaders."""
+    node = tree.nodes.new("ShaderNodeAddShader")
+    for each, end in zip(shaders, node.inputs, strict=True):
+        tree.links.new(each, end)
+    return node.outputs[0]
+
+
+def read_by(kind: str, output: str | int = "Color", **settings: object) -> Maker:
+    """An output of a new node with these settings."""
+
+    def socket(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
+        node = tree.nodes.new(f"ShaderNode{kind}")
+        for name, value in settings.items():
+            setattr(node, name, value)
+        return node.outputs[output]
+
+    return socket
+
+
+def glowing(color: Maker, name: str = "Glow") -> bpy.types.Material:
+    """A material that emits what nodes yield."""
+    result, tree = material(name)
+    emission = shader(tree, "Emission")
+    tree.links.new(color(tree), emission.node.inputs["Color"])
+    shown(tree, emission)
+    return result
+
+
+def image(name: str, pixels: np.ndarray, *, float_buffer: bool = True, data: bool = False) -> bpy.types.Image:
+    """An image of pixels (H, W, 4), row 0 at the bottom."""
+    result = bpy.data.images.new(name, *pixels.shape[1::-1], alpha=True, float_buffer=float_buffer, is_data=data)
+    result.pixels.foreach_set(pixels.astype(np.float32).ravel())
+    result.update()
+    return result
 
 
 def simple(kind: str = "BsdfDiffuse", name: str = "Grey", **inputs: object) -> bpy.types.Material:

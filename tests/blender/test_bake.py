@@ -15,7 +15,7 @@ from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.tests.blender.light_scene import bake, bake_job, bake_surfels
 from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, lamp, link, look_from, mesh
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-from patchnet.tests.blender.shaders import material, shader, shown, simple
+from patchnet.tests.blender.shaders import added, material, read_by, shader, shown, simple
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -23,12 +23,8 @@ pytestmark = pytest.mark.usefixtures("empty_scene")
 def diffuse(color: tuple[float, float, float] = (0.5, 0.5, 0.5), emission: float = 0.0) -> bpy.types.Material:
     """Diffuse plus emission."""
     paint, tree = material("Diffuse")
-    both = tree.nodes.new("ShaderNodeAddShader")
-    for index, (kind, inputs) in enumerate(
-        (("BsdfDiffuse", {"Color": (*color, 1.0)}), ("Emission", {"Strength": emission}))
-    ):
-        tree.links.new(shader(tree, kind, **inputs), both.inputs[index])
-    shown(tree, both.outputs[0])
+    light = shader(tree, "Emission", Strength=emission)
+    shown(tree, added(tree, shader(tree, "BsdfDiffuse", Color=(*color, 1.0)), light))
     return paint
 
 
@@ -147,7 +143,7 @@ def test_a_translucent_sheet_in_a_box_has_the_mean_of_its_sides() -> None:
     strength = tree.nodes.new("ShaderNodeMath")
     strength.operation = "MULTIPLY_ADD"
     strength.inputs[1].default_value, strength.inputs[2].default_value = 0.4, 0.4
-    tree.links.new(tree.nodes.new("ShaderNodeNewGeometry").outputs["Backfacing"], strength.inputs[0])
+    tree.links.new(read_by("NewGeometry", "Backfacing")(tree), strength.inputs[0])
     tree.links.new(strength.outputs[0], tree.nodes["Emission"].inputs["Strength"])
     square("Sheet", paint).scale = (0.5, 0.5, 0.5)
     found = bake(cameras=look_around((0.1, 0.2, 0.3), "Inside"), max_samples=16).fragments

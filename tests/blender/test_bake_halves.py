@@ -8,7 +8,7 @@ import pytest
 from patchnet.tests.blender.light_scene import BakedSurfels, bake_surfels
 from patchnet.tests.blender.objects import SQUARE, lamp, link, mesh
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-from patchnet.tests.blender.shaders import grey, material, shader
+from patchnet.tests.blender.shaders import glowing, grey, read_by
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 DEPTH = 5  # of the voxels, whose side is 2 / 32
@@ -16,17 +16,15 @@ DEPTH = 5  # of the voxels, whose side is 2 / 32
 
 def ramp() -> None:
     """A square that shines with its x, from 0 at -1 to 2 at 1: a bake says where paths went out from."""
-    made, tree = material("Ramp")
-    geometry, split = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeSeparateXYZ")
-    add = tree.nodes.new("ShaderNodeMath")
-    add.inputs[1].default_value = 1.0
-    emission = shader(tree, "Emission")
-    node = emission.node
-    tree.links.new(geometry.outputs["Position"], split.inputs[0])
-    tree.links.new(split.outputs["X"], add.inputs[0])
-    tree.links.new(add.outputs[0], node.inputs["Color"])
-    tree.links.new(emission, tree.nodes["Material Output"].inputs["Surface"])
-    link(mesh("Square", SQUARE, [(0, 1, 2, 3)], made))
+
+    def place(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
+        split, add = tree.nodes.new("ShaderNodeSeparateXYZ"), tree.nodes.new("ShaderNodeMath")
+        add.inputs[1].default_value = 1.0
+        tree.links.new(read_by("NewGeometry", "Position")(tree), split.inputs[0])
+        tree.links.new(split.outputs["X"], add.inputs[0])
+        return add.outputs[0]
+
+    link(mesh("Square", SQUARE, [(0, 1, 2, 3)], glowing(place)))
     bpy.context.view_layer.update()
 
 

@@ -8,22 +8,14 @@ import pytest
 from patchnet.operators.cycles.bake import baker
 from patchnet.tests.blender.light_scene import assert_agrees, bake, bake_surfels, compare
 from patchnet.tests.blender.objects import lamp, slab
-from patchnet.tests.blender.shaders import grey, material, shader, shown, simple
+from patchnet.tests.blender.shaders import added, glowing, grey, material, read_by, shader, shown, simple
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
 
-def paint(kind: str, output: str = "", **settings: object) -> bpy.types.Material:
-    """A material that emits what a node yields; settings of the node, inputs of theirs as (name, value)."""
-    result, tree = material("Paint")
-    node = tree.nodes.new(f"ShaderNode{kind}")
-    node.name = "The node"
-    for name, value in settings.items():
-        setattr(node, name, value)
-    shine = shader(tree, "Emission")
-    tree.links.new(node.outputs[output] if output else node.outputs[0], shine.node.inputs["Color"])
-    shown(tree, shine)
-    return result
+def paint(kind: str, output: str | int = 0, **settings: object) -> bpy.types.Material:
+    """A material that emits what a node with these settings yields."""
+    return glowing(read_by(kind, output, name="The node", **settings), "Paint")
 
 
 def warnings(surface: bpy.types.Material, turned: bool = False) -> tuple[str, ...]:
@@ -88,10 +80,7 @@ def test_kinds_of_rays(output: str) -> None:
     """Shaders that a camera ray alone would see are seen by the bake."""
     surface = paint("LightPath", output)
     tree = surface.node_tree
-    both = tree.nodes.new("ShaderNodeAddShader")
-    tree.links.new(tree.nodes["Emission"].outputs[0], both.inputs[0])
-    tree.links.new(shader(tree, "BsdfDiffuse"), both.inputs[1])
-    shown(tree, both.outputs[0])
+    shown(tree, added(tree, tree.nodes["Emission"].outputs[0], shader(tree, "BsdfDiffuse")))
     slab(paint=surface)
     lamp("POINT", 5.0, shadow_soft_size=0.1)
     found = compare(1024)

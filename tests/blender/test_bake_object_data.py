@@ -1,40 +1,35 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Joined triangles keep coordinates, random numbers, colours and attributes of each object."""
 
-from collections.abc import Callable
-
 import bpy
 import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
 from patchnet.operators.scene.read import read_scene
-from patchnet.tests.blender.light_scene import BakedSurfels, assert_agrees, bake, bake_surfels, compare, picture
+from patchnet.tests.blender.light_scene import (
+    BakedSurfels,
+    assert_agrees,
+    assert_mean_of_views,
+    bake,
+    bake_surfels,
+    compare,
+)
 from patchnet.tests.blender.objects import SQUARE, collection_instance, geometry_nodes, link, mesh, moved_to, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-from patchnet.tests.blender.shaders import material, shader, shown, world
+from patchnet.tests.blender.shaders import Maker, glowing, material, read_by, shown, world
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
 REC709 = np.array([0.2126, 0.7152, 0.0722])
 
 
-def glowing(color: Callable[[bpy.types.NodeTree], bpy.types.NodeSocket], in_group: bool = False) -> bpy.types.Material:
-    """A material that emits what a node yields."""
-    paint, tree = material("Glow")
-    if in_group:
-        group = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
-        group.interface.new_socket("Value", in_out="OUTPUT", socket_type="NodeSocketColor")
-        group.links.new(color(group), group.nodes.new("NodeGroupOutput").inputs[0])
-        user = tree.nodes.new("ShaderNodeGroup")
-        user.node_tree = group
-        socket = user.outputs[0]
-    else:
-        socket = color(tree)
-    emission = shader(tree, "Emission")
-    tree.links.new(socket, emission.node.inputs["Color"])
-    shown(tree, emission)
-    return paint
+def in_group(color: Maker) -> Maker:
+    """What nodes in a group yield."""
+    group = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
+    group.interface.new_socket("Value", in_out="OUTPUT", socket_type="NodeSocketColor")
+    group.links.new(color(group), group.nodes.new("NodeGroupOutput").inputs[0])
+    return read_by("Group", 0, node_tree=group)
 
 
 def square(name: str, paint: bpy.types.Material) -> bpy.types.Object:
@@ -63,12 +58,12 @@ def absolute(tree: bpy.types.NodeTree, value: bpy.types.NodeSocket, scale: float
     return value
 
 
-@pytest.mark.parametrize(("kind", "in_group"), [("Generated", False), ("Object", True)])
-def test_coordinates_of_each_object(kind: str, in_group: bool) -> None:
+@pytest.mark.parametrize(("kind", "grouped"), [("Generated", False), ("Object", True)])
+def test_coordinates_of_each_object(kind: str, grouped: bool) -> None:
     def coordinates(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
         return absolute(tree, read_by("TexCoord", kind)(tree))
 
-    first = square("First", glowing(coordinates, in_group))
+    first = square("First", glowing(in_group(coordinates) if grouped else coordinates))
     first.matrix_world = Matrix.Translation((3, 1, -2)) @ Euler((0.4, 0.2, 1.0)).to_matrix().to_4x4()
     second = bpy.data.objects.new("Second", first.data)
     bpy.context.scene.collection.objects.link(second)
@@ -128,7 +123,7 @@ def test_object_info_is_what_cycles_says(output: str) -> None:
 
 def test_back_sides_know_it() -> None:
     """A material that glows on its back only."""
-    square("Paper", glowing(lambda tree: tree.nodes.new("ShaderNodeNewGeometry").outputs["Backfacing"]))
+    square("Paper", glowing(read_by("NewGeometry", "Backfacing")))
     found = bake(max_samples=4).fragments
     assert not found.sides[:, 0].any() and found.sides[:, 1] == pytest.approx(1.0, rel=1e-3)
     assert found.luminance == pytest.approx(1.0, rel=1e-3), "the dark front does not count"
@@ -139,18 +134,6 @@ ATTRIBUTE_TYPES = {  # key of the values and their width
     "FLOAT_VECTOR": ("vector", 3), "FLOAT_COLOR": ("color", 4), "BYTE_COLOR": ("color", 4), "QUATERNION": ("value", 4),
     "FLOAT4": ("vector", 4),
 }  # fmt: skip
-
-
-def read_by(kind: str, output: str = "Color", **settings: object) -> Callable[[bpy.types.NodeTree], object]:
-    """An output of a new node with these settings."""
-
-    def socket(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-        node = tree.nodes.new(f"ShaderNode{kind}")
-        for name, value in settings.items():
-            setattr(node, name, value)
-        return node.outputs[output]
-
-    return socket
 
 
 def painted(name: str, kind: str, domain: str, seed: int = 0) -> bpy.types.Object:
@@ -315,13 +298,7 @@ def test_attribute_that_nothing_has_is_named() -> None:
 
 
 def test_what_depends_on_the_angle_is_the_mean_of_all_views() -> None:
-    """Against Cycles' picture of a ball, on whose disc all angles are seen as often as a view of a surface has them."""
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=0.98)
-    bpy.context.object.data.materials.append(glowing(read_by("LayerWeight", "Facing")))
-    bpy.ops.object.shade_smooth()
-    found = bake_surfels(16)
-    light, alpha = picture(16, 1, height=1.5)
-    assert found.luminance.mean() == pytest.approx(light.sum() / alpha.sum(), rel=0.1)
+    found = assert_mean_of_views(glowing(read_by("LayerWeight", "Facing")), 16, rel=0.1)
     assert np.ptp(found.luminance) < 0.01 * found.luminance.mean() and len(found.warnings) == 1
 
 
@@ -335,18 +312,12 @@ def test_what_depends_on_the_angle_is_the_mean_of_all_views() -> None:
     ],
 )
 def test_cloth_is_the_mean_of_all_views(kind: str, inputs: dict) -> None:
-    """Against Cycles' picture of a ball under an even sky, on whose disc all angles are seen as often."""
+    """Under an even sky."""
     world().nodes["Background"].inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     paint, tree = material("Cloth")
     cloth = tree.nodes.new(f"ShaderNode{kind}")
     for name, value in inputs.items():
         cloth.inputs[name].default_value = value
     shown(tree, cloth.outputs[0])
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=0.98)
-    bpy.context.object.data.materials.append(paint)
-    bpy.ops.object.shade_smooth()
-    found = bake_surfels(16)
-    light, alpha = picture(64, 1, height=1.5)
-    assert found.luminance.mean() == pytest.approx(light.sum() / alpha.sum(), rel=0.05)
-    (warning,) = found.warnings
+    (warning,) = assert_mean_of_views(paint, 64, rel=0.05).warnings
     assert f"'{cloth.name}' of material 'Cloth'" in warning

@@ -9,7 +9,7 @@ import pytest
 
 from patchnet.tests.blender.light_scene import assert_agrees, compare
 from patchnet.tests.blender.objects import collection_instance, geometry_nodes, lamp, link, mesh, moved_to, pane, slab
-from patchnet.tests.blender.shaders import grey, material, mixed, shader, shown, simple
+from patchnet.tests.blender.shaders import glowing, grey, material, mixed, read_by, shader, shown, simple
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -128,11 +128,7 @@ def test_instances_of_lamps_roofs_and_surfaces() -> None:
 
 def test_random_numbers_and_slots_of_geometry_nodes_instances() -> None:
     """Tiles that geometry nodes place on points glow by their random numbers, as rendered."""
-    paint, tree = material("Glow")
-    shine = shader(tree, "Emission")
-    tree.links.new(tree.nodes.new("ShaderNodeObjectInfo").outputs["Random"], shine.node.inputs["Color"])
-    shown(tree, shine)
-    tile = slab("Tile", paint, (-0.24, -0.24), (0.24, 0.24))
+    tile = slab("Tile", glowing(read_by("ObjectInfo", "Random")), (-0.24, -0.24), (0.24, 0.24))
     tile.location.z = -9
     tile.hide_render = True
     points = [(x, y, 0.0) for x in (-0.75, -0.25, 0.25, 0.75) for y in (-0.75, -0.25, 0.25, 0.75)]

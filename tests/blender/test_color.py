@@ -18,6 +18,7 @@ from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.tests.blender.job_scene import box, render_by_cycles
 from patchnet.tests.blender.objects import lamp, look_from
+from patchnet.tests.blender.shaders import image
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -48,16 +49,15 @@ def stripe(wall: bpy.types.Object, shader: bpy.types.Node) -> None:
     """Four columns of texels of each colour along the wall."""
     pixels = np.ones((8, 8, 4), np.float32)
     pixels[:, 0::2, :3], pixels[:, 1::2, :3] = (0.9, 0.4, 0.05), (0.05, 0.2, 0.8)
-    image = bpy.data.images.new("stripes", 8, 8, float_buffer=True, is_data=True)
-    image.pixels.foreach_set(pixels.ravel())
-    image.pack()
+    texture = image("stripes", pixels, data=True)
+    texture.pack()
     layer = wall.data.uv_layers.new(name="UV")
     for loop in wall.data.loops:
         corner = wall.data.vertices[loop.vertex_index].co
         layer.data[loop.index].uv = (corner.x - 0.5, corner.z)
     tree = shader.id_data
     node = tree.nodes.new("ShaderNodeTexImage")
-    node.image, node.interpolation = image, "Linear"
+    node.image, node.interpolation = texture, "Linear"
     tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
 
 

@@ -22,7 +22,7 @@ from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
 from patchnet.tests.blender.light_scene import bake, light_of_regions, picture, regions
 from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, collection_instance, lamp, link, mesh
-from patchnet.tests.blender.shaders import material, shader, shown, simple
+from patchnet.tests.blender.shaders import glowing, image, read_by, simple
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -32,12 +32,7 @@ CUBE = [(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]
 
 def reading(kind: str, name: str, node: str = "Attribute") -> bpy.types.Material:
     """A material that emits what a node reads by a name."""
-    paint, tree = material(f"Reading {name}")
-    source, emission = tree.nodes.new(f"ShaderNode{node}"), shader(tree, "Emission")
-    setattr(source, kind, name)
-    tree.links.new(source.outputs[0], emission.node.inputs["Color"])
-    shown(tree, emission)
-    return paint
+    return glowing(read_by(node, 0, **{kind: name}), f"Reading {name}")
 
 
 def tile(name: str, paint: bpy.types.Material, x: float, y: float) -> bpy.types.Object:
@@ -76,13 +71,7 @@ def test_attributes_of_any_name_are_those_of_cycles(node: str) -> None:
 
 
 def test_uvs_that_are_no_numbers_are_those_of_cycles() -> None:
-    image = bpy.data.images.new("Light", 4, 4, float_buffer=True, is_data=True)
-    image.pixels.foreach_set(np.full(64, 0.7, np.float32))
-    paint, tree = material("Picture")
-    texture, emission = tree.nodes.new("ShaderNodeTexImage"), shader(tree, "Emission")
-    texture.image = image
-    tree.links.new(texture.outputs[0], emission.node.inputs["Color"])
-    shown(tree, emission)
+    paint = glowing(read_by("TexImage", image=image("Light", np.full((4, 4, 4), 0.7), data=True)))
     for number, value in enumerate((np.nan, np.inf, 1e30, 0.3)):
         item = tile(f"{value}", paint, number % 2 - 1.0, number // 2 - 1.0)
         item.data.uv_layers[0].uv.foreach_set("vector", np.full(8, value, np.float32))
@@ -91,10 +80,7 @@ def test_uvs_that_are_no_numbers_are_those_of_cycles() -> None:
 
 def test_flat_faces_with_normals_of_their_own_stay_flat() -> None:
     """Normals of vertices, which are none of Cycles' on faces without smooth shading."""
-    paint, tree = material("Normal")
-    emission = shader(tree, "Emission")
-    tree.links.new(tree.nodes.new("ShaderNodeNewGeometry").outputs["Normal"], emission.node.inputs["Color"])
-    shown(tree, emission)
+    paint = glowing(read_by("NewGeometry", "Normal"))
     for number, smooth in enumerate((True, False)):
         item = tile(f"{smooth}", paint, number - 1.0, 0.0)
         item.data.polygons[0].use_smooth = smooth

@@ -21,7 +21,7 @@ from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.blender.engine_scene import build_for_engine, rendered
 from patchnet.tests.blender.job_scene import build, principled, render_by_cycles, saved
 from patchnet.tests.blender.objects import SQUARE, lamp, link, look_from, mesh
-from patchnet.tests.blender.shaders import grey, material, shader, shown, simple
+from patchnet.tests.blender.shaders import glowing, grey, material, read_by, simple
 
 BEHIND = "Camera 'Eye' sees nothing: the surface is behind it; turn or move it"
 
@@ -102,13 +102,7 @@ def no_output() -> bpy.types.Material:
 
 
 def missing_attribute() -> bpy.types.Material:
-    paint, tree = material("Coal")
-    emission = shader(tree, "Emission")
-    node = tree.nodes.new("ShaderNodeAttribute")
-    node.attribute_name, node.attribute_type = "paint", "OBJECT"
-    tree.links.new(node.outputs["Color"], emission.node.inputs["Color"])
-    shown(tree, emission)
-    return paint
+    return glowing(read_by("Attribute", attribute_name="paint", attribute_type="OBJECT"), "Coal")
 
 
 BLACK = {

@@ -17,17 +17,8 @@ from patchnet.patchnet_addon.image.unfinished import Unfinished
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender import shaders
 from patchnet.tests.blender.light_scene import mean_ratios
-from patchnet.tests.blender.objects import lamp, link, look_from, mesh
-from patchnet.tests.blender.shaders import material, mixed, shader, shown, simple
-
-SQUARE = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
-
-
-def image(name: str, pixels: np.ndarray) -> bpy.types.Image:
-    made = bpy.data.images.new(name, *pixels.shape[1::-1], alpha=True, float_buffer=True)
-    made.pixels.foreach_set(pixels.astype(np.float32).ravel())
-    made.pack()
-    return made
+from patchnet.tests.blender.objects import SQUARE, lamp, link, look_from, mesh
+from patchnet.tests.blender.shaders import image, material, mixed, shader, shown, simple
 
 
 def textured(name: str, pixels: np.ndarray, *, cut: bool) -> bpy.types.Material:
@@ -35,6 +26,7 @@ def textured(name: str, pixels: np.ndarray, *, cut: bool) -> bpy.types.Material:
     paint, tree = material(name)
     node = tree.nodes.new("ShaderNodeTexImage")
     node.image = image(name, pixels)
+    node.image.pack()
     diffuse = shader(tree, "BsdfDiffuse")
     tree.links.new(node.outputs["Color"], diffuse.node.inputs["Color"])
     if cut:

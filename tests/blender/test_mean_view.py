@@ -10,7 +10,7 @@ import pytest
 
 from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.tests.blender.light_scene import bake, bake_surfels, picture
+from patchnet.tests.blender.light_scene import assert_mean_of_views, bake
 from patchnet.tests.blender.objects import lamp, slab
 from patchnet.tests.blender.shaders import material, shader, shown, simple, world
 
@@ -83,10 +83,4 @@ def test_layers_dim_as_the_mean_of_all_views(distribution: str, inputs: dict, er
                 constant = tree.nodes.new("ShaderNodeRGB" if socket.type == "RGBA" else "ShaderNodeValue")
                 constant.outputs[0].default_value = socket.default_value
                 tree.links.new(constant.outputs[0], socket)
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=0.98)
-    bpy.context.object.data.materials.append(paint)
-    bpy.ops.object.shade_smooth()
-    found = bake_surfels(64)
-    light, alpha = picture(256, 1, height=1.5)
-    assert found.luminance.mean() == pytest.approx(light.sum() / alpha.sum(), rel=error)
-    assert found.warnings == (), "most materials have layers"
+    assert assert_mean_of_views(paint, 256, paths=64, rel=error).warnings == (), "most materials have layers"

@@ -22,7 +22,7 @@ from patchnet.patchnet_addon.surface.texture_lookup import surface_of_fragments
 from patchnet.patchnet_addon.surface.textures import TextureTable
 from patchnet.tests.blender.light_scene import picture
 from patchnet.tests.blender.objects import SQUARE, lamp, link, look_from, mesh
-from patchnet.tests.blender.shaders import grey, material, mixed, shader, shown, world
+from patchnet.tests.blender.shaders import added, grey, image, material, mixed, read_by, shader, shown, world
 from patchnet.tests.references.clip import parts_of
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
@@ -35,14 +35,10 @@ def checks(tree: Tree, output: str = "Alpha") -> Socket:
     if output not in bpy.data.images:
         y, x = np.mgrid[0:16, 0:16]
         filled = ((x // 4 + y // 4) % 2 == 1) | (x > 11)
-        made = bpy.data.images.new(output, 16, 16, alpha=True, float_buffer=True)
         values = {"Alpha": (0.5, 0.5, 0.5, filled), "Color": (0.8 * filled, 0.6 * filled, 0.1 * filled, 1.0)}[output]
         pixels = np.dstack([np.broadcast_to(value, (16, 16)) for value in values])
-        made.pixels.foreach_set(pixels.astype(np.float32).ravel())
-        made.pack()
-    node = tree.nodes.new("ShaderNodeTexImage")
-    node.image, node.interpolation = bpy.data.images[output], "Closest"
-    return node.outputs[output]
+        image(output, pixels).pack()
+    return read_by("TexImage", output, image=bpy.data.images[output], interpolation="Closest")(tree)
 
 
 def over(tree: Tree, factor: Socket | float, first: Socket, second: Socket) -> Socket:
@@ -59,13 +55,6 @@ def clear(tree: Tree, *color: float) -> Socket:
 def paint(tree: Tree, alpha: float = 1.0) -> Socket:
     """Darker than the ground, so that no part of a pixel is clamped at white."""
     return shader(tree, "BsdfPrincipled", Alpha=alpha, Base_Color=(0.3, 0.2, 0.1, 1.0), Specular_IOR_Level=0.0)
-
-
-def both(tree: Tree, first: Socket, second: Socket) -> Socket:
-    node = tree.nodes.new("ShaderNodeAddShader")
-    tree.links.new(first, node.inputs[0])
-    tree.links.new(second, node.inputs[1])
-    return node.outputs[0]
 
 
 def alone(tree: Tree) -> Socket:
@@ -94,15 +83,11 @@ def through(tree: Tree, factor: Socket) -> Socket:
 
 
 def attribute(tree: Tree, name: str, output: str | int = "Alpha", kind: str = "GEOMETRY") -> Socket:
-    node = tree.nodes.new("ShaderNodeAttribute")
-    node.attribute_name, node.attribute_type = name, kind
-    return node.outputs[output]
+    return read_by("Attribute", output, attribute_name=name, attribute_type=kind)(tree)
 
 
 def color_attribute(tree: Tree, name: str, output: str) -> Socket:
-    node = tree.nodes.new("ShaderNodeVertexColor")
-    node.layer_name = name
-    return node.outputs[output]
+    return read_by("VertexColor", output, layer_name=name)(tree)
 
 
 def tinted_by_image(tree: Tree) -> Socket:
@@ -125,8 +110,8 @@ OPACITIES: dict[str, Callable[[Tree], Socket]] = {
     "one less a threshold": lambda t: through(t, number(t, "Math", 1.0, cut(t), operation="SUBTRACT")),
     "half of a threshold": lambda t: over(t, 0.5, clear(t), through(t, cut(t))),
     "a Mix node by an image": lambda t: through(t, number(t, "Mix", checks(t), (0.0,) * 3, 0.2, 0.9)),
-    "transparent and emission": lambda t: both(t, clear(t), shader(t, "Emission")),
-    "added halves": lambda t: both(t, over(t, 0.3, clear(t), paint(t)), over(t, 0.9, clear(t), paint(t))),
+    "transparent and emission": lambda t: added(t, clear(t), shader(t, "Emission")),
+    "added halves": lambda t: added(t, over(t, 0.3, clear(t), paint(t)), over(t, 0.9, clear(t), paint(t))),
     "tinted": lambda t: clear(t, 0.2, 0.6, 0.2),
     "tinted by an image": tinted_by_image,
     "a mix without one shader": alone,

@@ -13,7 +13,7 @@ from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, lamp, link, look_from, mesh, slab
-from patchnet.tests.blender.shaders import grey, material, shader, shown, simple, world
+from patchnet.tests.blender.shaders import grey, image, material, shader, shown, simple, world
 
 LEAST_PSNR_DB, RATIO = 26.0, 0.04
 
@@ -114,13 +114,12 @@ def test_mirrored_cameras(mirror: Callable[[bpy.types.Object], None]) -> None:
 def test_screens_are_as_sharp_as_their_images(kind: str) -> None:
     """Emission of an image whose texels are two or three voxels wide."""
     slab("Ground", low=(-2, -2), high=(2, 2))
-    image = bpy.data.images.new("Film", 16, 16, float_buffer=True)
     squares = np.random.default_rng(3).random((16, 16, 1)) < 0.5
-    image.pixels.foreach_set(np.broadcast_to([*[1.0] * 3, 1.0] * squares, (16, 16, 4)).astype(np.float32).ravel())
-    image.pack()
+    texture = image("Film", np.broadcast_to(squares, (16, 16, 4)))
+    texture.pack()
     film, tree = material("Film")
     node = tree.nodes.new("ShaderNodeTexImage")
-    node.image, node.interpolation = image, "Closest"
+    node.image, node.interpolation = texture, "Closest"
     values = {"Base_Color": (0, 0, 0, 1), "Emission_Strength": 1.0} if kind == "BsdfPrincipled" else {}
     surface = shader(tree, kind, **values)
     tree.links.new(node.outputs["Color"], surface.node.inputs["Emission Color" if values else "Color"])

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from patchnet.operators.scene.pixel_filter import pixel_filter_of
-from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.patchnet_addon.tracing.pixel_filter import BLACKMAN_HARRIS, PixelFilter
 from patchnet.tests.blender.engine_scene import build_for_engine, rendered
+from patchnet.tests.blender.shaders import simple
 
 FILTERS = [("BOX", 1.5), ("GAUSSIAN", 3.0), ("BLACKMAN_HARRIS", 1.5), ("BLACKMAN_HARRIS", 4.0)]
 
@@ -24,10 +24,7 @@ def scene(registered: None, weights: Path, tmp_path: Path) -> bpy.types.Scene:
     for item in list(scene.objects):
         if item.type == "MESH":
             bpy.data.objects.remove(item)
-    shining = bpy.data.materials.new("Shining")
-    tree = start_nodes(shining)
-    output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
-    tree.links.new(tree.nodes.new("ShaderNodeEmission").outputs[0], output.inputs["Surface"])
+    shining = simple("Emission", "Shining")
     for number in range(4):
         bpy.ops.mesh.primitive_plane_add(size=1.0, location=(0.55 * number - 0.8, 0.0, 0.0))
         board = bpy.context.object

@@ -19,8 +19,9 @@ from patchnet.patchnet_addon.surface.mesh import Material
 from patchnet.tests.blender.light_scene import picture as rendered
 from patchnet.tests.blender.objects import SQUARE, mesh
 from patchnet.tests.blender.objects import link as put
+from patchnet.tests.blender.shaders import added, shader, shown
+from patchnet.tests.blender.shaders import image as any_image
 from patchnet.tests.blender.shaders import material as bare
-from patchnet.tests.blender.shaders import shader, shown
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -40,11 +41,8 @@ def add(material: bpy.types.Material, kind: str, **inputs: object) -> bpy.types.
 
 
 def image(name: str, pixels: np.ndarray, *, float_buffer: bool = False, data: bool = False) -> bpy.types.Image:
-    height, width, _ = pixels.shape
-    result = bpy.data.images.new(name, width, height, alpha=True, float_buffer=float_buffer, is_data=data)
-    result.pixels.foreach_set(np.ascontiguousarray(pixels, np.float32).ravel())
-    result.update()
-    return result
+    """As most files are: of bytes."""
+    return any_image(name, pixels, float_buffer=float_buffer, data=data)
 
 
 def texture(material: bpy.types.Material, picture: bpy.types.Image) -> bpy.types.Node:
@@ -185,10 +183,9 @@ def test_mix_with_transparent_groups_reroutes_and_muted_nodes() -> None:
 
 def test_diffuse_plus_emission_and_no_shader() -> None:
     material, _ = principled()
-    tree, both = material.node_tree, add(material, "ShaderNodeAddShader")
-    link(material, add(material, "ShaderNodeBsdfDiffuse", Color=(0.3, 0.3, 0.3, 1)).outputs[0], both.inputs[0])
-    link(material, add(material, "ShaderNodeEmission", Color=(1, 1, 0, 1), Strength=2.0).outputs[0], both.inputs[1])
-    link(material, both.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
+    tree = material.node_tree
+    glow = shader(tree, "Emission", Color=(1, 1, 0, 1), Strength=2.0)
+    shown(tree, added(tree, shader(tree, "BsdfDiffuse", Color=(0.3, 0.3, 0.3, 1)), glow))
     result, _ = read(material)
     assert result.base_color == pytest.approx((0.3, 0.3, 0.3))
     assert result.emission == pytest.approx((2.0, 2.0, 0.0))

@@ -11,7 +11,7 @@ from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, LightCheck, verify_light
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.objects import lamp, look_from
-from patchnet.tests.blender.shaders import material, shader, shown, simple, world
+from patchnet.tests.blender.shaders import image, material, shader, shown, simple, world
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -76,14 +76,6 @@ def without_nodes() -> None:
         cube(paint, 3.0 * number - 3.0)
 
 
-def image(pixels: np.ndarray) -> bpy.types.Image:
-    height, width, _ = pixels.shape
-    result = bpy.data.images.new("Picture", width, height, alpha=True, float_buffer=True, is_data=True)
-    result.pixels.foreach_set(pixels.astype(np.float32).ravel())
-    result.update()
-    return result
-
-
 def textured(extension: str = "REPEAT", interpolation: str = "Linear", uv_map: str = "") -> None:
     """A wall whose texture is repeated, clipped or mirrored, on the map of its own node; its alpha is not linked."""
     around((0, 0, 1.0), (0.0, -5.0, 2.0))
@@ -91,7 +83,7 @@ def textured(extension: str = "REPEAT", interpolation: str = "Linear", uv_map: s
     diffuse = shader(tree, "BsdfDiffuse")
     picture, uvs = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeUVMap")
     rng = np.random.default_rng(3)
-    picture.image = image(np.concatenate([rng.uniform(0.1, 0.9, (4, 4, 3)), np.ones((4, 4, 1))], axis=-1))
+    picture.image = image("Picture", np.dstack([rng.uniform(0.1, 0.9, (4, 4, 3)), np.ones((4, 4))]), data=True)
     picture.extension, picture.interpolation, uvs.uv_map = extension, interpolation, uv_map
     tree.links.new(uvs.outputs[0], picture.inputs["Vector"])
     tree.links.new(picture.outputs["Color"], diffuse.node.inputs["Color"])

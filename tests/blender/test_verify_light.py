@@ -18,7 +18,7 @@ from patchnet.operators.verify_light import CheckSettings, LightCheck, check_cam
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.objects import SQUARE, lamp, link, mesh, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-from patchnet.tests.blender.shaders import material, mixed, shader, shown, simple
+from patchnet.tests.blender.shaders import image, material, mixed, shader, shown, simple
 
 LEAST_PSNR_DB = 30.0  # at depth 7, where a voxel is 16 mm
 RATIO = 0.04
@@ -60,15 +60,14 @@ def test_the_room_agrees_and_half_the_light_does_not(room: None) -> None:
 def test_uvs_far_beyond_a_cut_out_that_does_not_repeat() -> None:
     """Its border counts, which is opaque; lookups that read all texels on the way would not end."""
     bpy.ops.wm.read_homefile(use_empty=True)
-    image = bpy.data.images.new("Hole", 4, 4, alpha=True, float_buffer=True)
     pixels = np.full((4, 4, 4), 0.5, np.float32)
     pixels[..., 3] = 1.0
     pixels[1:3, 1:3, 3] = 0.0
-    image.pixels.foreach_set(pixels.ravel())
-    image.pack()
+    hole = image("Hole", pixels)
+    hole.pack()
     paint, tree = material("Hole")
     node = tree.nodes.new("ShaderNodeTexImage")
-    node.image, node.extension = image, "EXTEND"
+    node.image, node.extension = hole, "EXTEND"
     surface = mixed(tree, shader(tree, "BsdfTransparent"), shader(tree, "BsdfDiffuse", Color=(0.5, 0.5, 0.5, 1.0)), 0.5)
     tree.links.new(node.outputs["Alpha"], surface.node.inputs[0])
     shown(tree, surface)
