@@ -20,6 +20,7 @@ from patchnet.operators.session.staleness import look_again
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.blender.objects import cuboid
 
 SMALL = {"depth": 7, "size": (24, 16)}
 # A stand-in for the program Blender, where it is a Python module.
@@ -56,17 +57,10 @@ def check_walk(out: Path, reference: int) -> None:
 
 def box(name: str, low: tuple[float, float, float], high: tuple[float, float, float], gray: float) -> bpy.types.Object:
     """A box with one material of the given gray."""
-    corners = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
-    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(corners, [], faces)
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (gray, gray, gray, 1.0)
-    mesh.materials.append(material)
-    item = bpy.data.objects.new(name, mesh)
-    bpy.context.scene.collection.objects.link(item)
-    return item
+    return cuboid(name, low, high, material)
 
 
 def build(light: bool = True, camera: bool = True) -> None:

@@ -19,17 +19,19 @@ from patchnet.operators.cycles.bake import BakeJob, EachRound, bake_light
 from patchnet.operators.cycles.bake.bake_job import begin
 from patchnet.operators.cycles.bake.baker import SurfelBaker
 from patchnet.operators.cycles.camera_render import render_reference
+from patchnet.operators.pipeline.lit_octree import LitOctree, build_lit_octree
 from patchnet.operators.scene.cameras import choose_cameras
-from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.operators.verify_light import CheckSettings, verify_light
+from patchnet.operators.verify_light import CheckSettings, LightCheck, verify_light
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.process.computed import answer
 from patchnet.patchnet_addon.process.transfer import Remote
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
+from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from patchnet.tests.blender.objects import read
 from patchnet.tests.references.baked import clip_evenly, read_fragments, read_surfels
 
 PIXELS = 16  # of the picture's side
@@ -94,8 +96,7 @@ def bake_job(
 
     light: settings; without colour unless they say so.
     """
-    bpy.context.view_layer.update()
-    source = read_scene(bpy.context.evaluated_depsgraph_get(), scope)
+    source = read(scope)
     light = {"color": False, "noise_threshold": ALL_PATHS, "cells": "seen" if cameras else "everywhere"} | light
     return job_on(source, LightSettings(**light), depth, cameras, state)
 
@@ -178,11 +179,28 @@ class Comparison:
         return bool((np.abs(self.baked - self.rendered) < 4.0 * self.noise + 0.01 * self.bright).all())
 
 
+def lit(**settings: object) -> LitOctree:
+    """Octree of the open scene in the light of a job."""
+    bpy.context.view_layer.update()
+    return drain(build_lit_octree(bpy.context, JobSettings.of(**settings), StageClock()))
+
+
+def checked(*, render_samples: int = 64, rays: int = 8, **settings: object) -> LightCheck:
+    """Light of a job's cameras, compared with Cycles."""
+    bpy.context.view_layer.update()
+    job = CheckSettings(JobSettings.of(**settings), render_samples=render_samples, rays=rays)
+    return drain(verify_light(bpy.context, job))
+
+
+def assert_as_cycles(check: LightCheck, psnr_db: float, ratio: float) -> None:
+    """The only camera sees the picture that Cycles renders, up to so much, and is as bright up to a share."""
+    (seen,) = check.report["cameras"]
+    assert seen["psnr_db"] > psnr_db and abs(seen["mean_ratio"] - 1.0) < ratio, (seen, check.report["warnings"])
+
+
 def mean_ratios(**settings: object) -> list[float]:
     """Mean luminance over that of Cycles, of each camera of a job."""
-    job = JobSettings.of(**{"depth": 6, "color": False, **settings})
-    check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=64, rays=8)))
-    return [camera["mean_ratio"] for camera in check.report["cameras"]]
+    return [camera["mean_ratio"] for camera in checked(**{"depth": 6, "color": False, **settings}).report["cameras"]]
 
 
 def compare(samples: int = 128, names: Sequence[str] = ("Floor",)) -> Comparison:

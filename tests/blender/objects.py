@@ -6,10 +6,17 @@ from collections.abc import Sequence
 import bpy
 from mathutils import Vector
 
+from patchnet.operators.scene.read import read_scene
+from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
 from patchnet.tests.blender.shaders import grey
 
 SQUARE = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
 CUBE_FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+
+
+def corners(low: Sequence[float], high: Sequence[float]) -> list[tuple[float, float, float]]:
+    """Corners of a box, which CUBE_FACES joins."""
+    return [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
 
 
 def link(item: bpy.types.Object, location: Sequence[float] = (0.0, 0.0, 0.0)) -> bpy.types.Object:
@@ -28,11 +35,17 @@ def mesh(name: str, vertices: list, faces: list, paint: bpy.types.Material | Non
     return bpy.data.objects.new(name, data)
 
 
+def cuboid(
+    name: str, low: Sequence[float], high: Sequence[float], paint: bpy.types.Material | None = None
+) -> bpy.types.Object:
+    """A closed box in the scene."""
+    return link(mesh(name, corners(low, high), CUBE_FACES, paint))
+
+
 def slab(name: str = "Floor", paint: bpy.types.Material | None = None, low: Sequence[float] = (-1, -1),
          high: Sequence[float] = (1, 1)) -> bpy.types.Object:  # fmt: skip
     """A closed box whose top lies at z = 0: it has no back side that light from below could reach."""
-    vertices = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (-0.2, 0.0)]
-    return link(mesh(name, vertices, CUBE_FACES, paint or grey()))
+    return cuboid(name, (*low, -0.2), (*high, 0.0), paint or grey())
 
 
 def pane(name: str, paint: bpy.types.Material, z: float = 0.5, scale: Sequence[float] = (1, 1, 1)) -> bpy.types.Object:
@@ -40,6 +53,12 @@ def pane(name: str, paint: bpy.types.Material, z: float = 0.5, scale: Sequence[f
     item = link(mesh(name, SQUARE, [(0, 1, 2, 3)], paint), (1.0, 0.0, z))
     item.scale = scale
     return item
+
+
+def read(scope: str = "VISIBLE") -> SceneMesh:
+    """Surface of the open scene as it is now."""
+    bpy.context.view_layer.update()
+    return read_scene(bpy.context.evaluated_depsgraph_get(), scope)
 
 
 def lamp(kind: str, energy: float, location: Sequence[float] = (0, 0, 1), **settings: object) -> bpy.types.Object:

@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.tests.blender.light_scene import bake, bake_job, bake_surfels
-from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, lamp, link, look_from, mesh
+from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, corners, lamp, link, look_from, mesh
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import added, material, read_by, shader, shown, simple
 
@@ -33,8 +33,8 @@ def square(name: str, paint: bpy.types.Material | None = None, up: bool = True) 
 
 
 def cube(paint: bpy.types.Material | None = None, inside_out: bool = False) -> bpy.types.Object:
-    vertices = [(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
-    return link(mesh("Cube", vertices, [face[::-1] if inside_out else face for face in CUBE_FACES], paint))
+    faces = [face[::-1] if inside_out else face for face in CUBE_FACES]
+    return link(mesh("Cube", corners((-1.0,) * 3, (1.0,) * 3), faces, paint))
 
 
 def sun(strength: float, rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> bpy.types.Object:
@@ -123,9 +123,8 @@ def test_closed_boxes_have_the_light_of_the_side_that_cameras_see(inside_out: bo
 def test_the_outside_of_a_hollow_wall_is_lit_where_no_camera_looks() -> None:
     """Its coarse light cells also hold the dark back of the inside, which faces as the outside does."""
     x, y, z = 0.15, 2.0, 1.0
-    corners = [(a * x, b * y, c * z) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]
     without_floor = [(0, 1, 3, 2), (6, 7, 5, 4), (0, 4, 5, 1), (3, 7, 6, 2), (1, 5, 7, 3)]
-    link(mesh("Wall", corners, without_floor, diffuse()))
+    link(mesh("Wall", corners((-x, -y, -z), (x, y, z)), without_floor, diffuse()))
     square("Stone", diffuse()).location = (1.6, 0.0, -1.1)  # so that no light cells meet within the wall
     sun(2.0, (0.0, np.pi / 2.0, 0.0))  # from +x
     bpy.context.scene.cycles.diffuse_bounces = 0

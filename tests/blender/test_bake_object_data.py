@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from patchnet.operators.scene.read import read_scene
 from patchnet.tests.blender.light_scene import (
     BakedSurfels,
     assert_agrees,
@@ -15,7 +14,7 @@ from patchnet.tests.blender.light_scene import (
     bake_surfels,
     compare,
 )
-from patchnet.tests.blender.objects import SQUARE, collection_instance, geometry_nodes, link, mesh, moved_to, slab
+from patchnet.tests.blender.objects import SQUARE, collection_instance, geometry_nodes, link, mesh, moved_to, read, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import Maker, glowing, material, read_by, shown, world
 
@@ -292,8 +291,7 @@ def test_particles_and_coordinates_of_what_instances(case: str) -> None:
 
 def test_attribute_that_nothing_has_is_named() -> None:
     square("Plate", glowing(read_by("Attribute", attribute_name="paint", attribute_type="OBJECT")))
-    bpy.context.view_layer.update()
-    (warning,) = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
+    (warning,) = read().warnings
     assert "'paint'" in warning
 
 

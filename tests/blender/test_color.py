@@ -7,16 +7,13 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene.cameras import choose_cameras
-from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.octree.file import octree_arrays
-from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.tests.blender.job_scene import box, render_by_cycles
+from patchnet.tests.blender.light_scene import lit
 from patchnet.tests.blender.objects import lamp, look_from
 from patchnet.tests.blender.shaders import image
 
@@ -61,11 +58,6 @@ def stripe(wall: bpy.types.Object, shader: bpy.types.Node) -> None:
     tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
 
 
-def octree_of(settings: JobSettings, depth: int = 7) -> Octree:
-    made = drain(build_lit_octree(bpy.context, settings.changed(depth=depth), StageClock()))
-    return made.octree
-
-
 def regions() -> dict[str, np.ndarray]:
     """Pixels (H, W) that show each object, well inside of it, by Blender's ray casts."""
     scene = bpy.context.scene
@@ -90,7 +82,7 @@ def regions() -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("light", ["cycles", "two-lights"])
 def test_luminance_is_the_same_with_and_without_colour(light: str) -> None:
-    gray, colored = (octree_of(JobSettings.of(light=light, max_samples=2, color=color), 6) for color in (False, True))
+    gray, colored = (lit(depth=6, light=light, max_samples=2, color=color).octree for color in (False, True))
     assert gray.chroma is None and colored.chroma is not None
     assert (gray.provenance["color"], colored.provenance["color"]) == (False, True)
     assert gray.exposure == colored.exposure
@@ -100,7 +92,7 @@ def test_luminance_is_the_same_with_and_without_colour(light: str) -> None:
 
 
 def test_pictures_agree_with_cycles_in_each_region(tmp_path: Path) -> None:
-    octree = octree_of(JobSettings.of(max_samples=64, color=True))
+    octree = lit(depth=7, max_samples=64, color=True).octree
     (camera,) = choose_cameras(
         bpy.context.evaluated_depsgraph_get(), (), SIZE, octree.grid.to_world(np.array([[0.0] * 3, [1.0] * 3]))
     )
@@ -119,7 +111,7 @@ def test_pictures_agree_with_cycles_in_each_region(tmp_path: Path) -> None:
 
 def test_fine_texture_keeps_its_colours() -> None:
     """Light cells as large as stripes: voxels show the stripes' own colours."""
-    octree = octree_of(JobSettings.of(max_samples=16, color=True, size=(12, 8)))
+    octree = lit(depth=7, max_samples=16, color=True, size=(12, 8)).octree
     level = octree.depth
     centres = octree.grid.to_world((octree.cells(level) + 0.5) / (1 << level))
     x, y, z = centres.T

@@ -10,24 +10,20 @@ import numpy as np
 import pytest
 
 from patchnet.operators.cycles.bake import bake_materials
-from patchnet.operators.pipeline.lit_octree import LitOctree, build_lit_octree
-from patchnet.operators.scene import coincident, instance_values, light_links, local_mesh, read
+from patchnet.operators.scene import coincident, instance_values, light_links, local_mesh
+from patchnet.operators.scene import read as reading_of_scenes
 from patchnet.operators.scene.fingerprint import lights_hash
-from patchnet.operators.scene.read import read_scene
-from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.state import block_hashes, digest
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError, GeometryError
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.runtime.stage_clock import StageClock
-from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
-from patchnet.tests.blender.light_scene import bake, light_of_regions, picture, regions
-from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, collection_instance, lamp, link, mesh
+from patchnet.tests.blender.light_scene import bake, light_of_regions, lit, picture, regions
+from patchnet.tests.blender.objects import SQUARE, collection_instance, cuboid, lamp, link, mesh, read
 from patchnet.tests.blender.shaders import glowing, image, read_by, simple
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
 TILE = [(x / 2 + 0.5, y / 2 + 0.5, z) for x, y, z in SQUARE]
-CUBE = [(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]
+CUBE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+SMALL = {"depth": 4, "max_samples": 2, "cells": "everywhere"}
 
 
 def reading(kind: str, name: str, node: str = "Attribute") -> bpy.types.Material:
@@ -89,18 +85,6 @@ def test_flat_faces_with_normals_of_their_own_stay_flat() -> None:
     assert_as_cycles()
 
 
-def read_all() -> SceneMesh:
-    bpy.context.view_layer.update()
-    return read_scene(bpy.context.evaluated_depsgraph_get())
-
-
-def lit(**settings: object) -> LitOctree:
-    """Octree of the scene with baked light."""
-    bpy.context.view_layer.update()
-    job = JobSettings.of(**{"depth": 4, "max_samples": 2, "cells": "everywhere"} | settings)
-    return drain(build_lit_octree(bpy.context, job, StageClock()))
-
-
 def empties() -> None:
     """Data of each type in which nothing is."""
     for name, data in (
@@ -125,14 +109,14 @@ def empties() -> None:
 
 def test_empty_data_has_no_voxels() -> None:
     empties()
-    link(mesh("Box", CUBE, CUBE_FACES))
+    cuboid("Box", *CUBE)
     lamp("SUN", 2.0)
-    made = lit()
+    made = lit(**SMALL)
     assert made.source.object_names == ["Box"] and made.octree.luminance.any()
     assert not any("unexpected" in text for text in made.warnings)
     bpy.data.objects["Box"].hide_render = True
     with pytest.raises(EmptySelectionError):
-        read_all()
+        read()
 
 
 def test_faces_without_vertices_are_refused() -> None:
@@ -143,7 +127,7 @@ def test_faces_without_vertices_are_refused() -> None:
     data.polygons[0].loop_start = 0
     link(bpy.data.objects.new("Odd", data))
     with pytest.raises(GeometryError, match=r"object 'Odd' has faces without vertices.*meshes\['Odd'\]\.validate"):
-        read_all()
+        read()
 
 
 def test_what_is_not_finite_is_left_out() -> None:
@@ -162,7 +146,7 @@ def test_what_is_not_finite_is_left_out() -> None:
     link(bpy.data.objects.new("Hair", hair))
     hair.add_curves([2])
     hair.position_data.foreach_set("vector", np.full(6, np.nan, np.float32))
-    source = read_all()
+    source = read()
     assert sorted(source.object_names) == ["Half", "Whole"]
     assert any("Hair and points with coordinates" in text and "'Hair'" in text for text in source.warnings)
     assert any("vertices that are not finite" in text and "'Gone', 'Half'" in text for text in source.warnings)
@@ -173,12 +157,12 @@ def test_what_is_not_finite_is_left_out() -> None:
 def test_faces_on_each_other_are_named() -> None:
     """Copies at one place, overlapping planes, doubled faces; not what touches, nor a box on the ground."""
     for name, x in (("One", 4.0), ("Other", 4.0), ("Neighbour", 5.0)):
-        link(mesh(name, CUBE, CUBE_FACES), (x, 0.0, 0.0))
+        cuboid(name, *CUBE).location.x = x
     for name, x, z in (("Ground", 0.0, -0.001), ("Rug", 0.0, 0.0), ("Mat", 1.5, 0.0), ("Tile", -2.0, 0.0)):
         link(mesh(name, SQUARE, [(0, 1, 2, 3)]), (x, 0.0, z))
     link(mesh("Twice", SQUARE * 2, [(0, 1, 2, 3), (4, 5, 6, 7)]), (0.0, 9.0, 0.0))
     link(mesh("Both sides", SQUARE * 2, [(0, 1, 2, 3), (7, 6, 5, 4)]), (0.0, 6.0, 0.0))
-    (said,) = [text for text in read_all().warnings if "exactly on others" in text]
+    (said,) = [text for text in read().warnings if "exactly on others" in text]
     assert "Faces of 'Mat', 'One', 'Other', 'Rug', 'Twice' lie" in said
 
 
@@ -188,7 +172,7 @@ def test_faces_of_a_grid_are_distinct(side: int) -> None:
     places = [(x / side, y / side, 0.0) for y in range(side + 1) for x in range(side + 1)]
     cells = [(side + 1) * y + x for y in range(side) for x in range(side)]
     link(mesh("Grid", places, [(cell, cell + 1, cell + side + 2, cell + side + 1) for cell in cells]))
-    assert read_all().warnings == []
+    assert read().warnings == []
     corners = np.random.default_rng(2).permuted(np.tile(np.arange(27), (20000, 1)), axis=1)[:, :3]
     corners = np.unique(np.take_along_axis(corners, (corners.argmin(1)[:, None] + np.arange(3)) % 3, 1), axis=0)
     keys = coincident._keys((np.stack(np.unravel_index(corners, (3, 3, 3)), -1) - 1.0).astype(np.float32))
@@ -207,15 +191,15 @@ def _names(values: tuple[Any, ...]) -> list[str]:
 
 
 FAULTS = {
-    "layers of materials": (read, "layer_names", "Object 'Bad' is left out"),
-    "mesh": (read, "read_local_mesh", "Object 'Bad' is left out"),
-    "hash of modifiers": (read, "origin_of_corners", "Object 'Bad' is left out"),
+    "layers of materials": (reading_of_scenes, "layer_names", "Object 'Bad' is left out"),
+    "mesh": (reading_of_scenes, "read_local_mesh", "Object 'Bad' is left out"),
+    "hash of modifiers": (reading_of_scenes, "origin_of_corners", "Object 'Bad' is left out"),
     "attribute": (local_mesh, "_layer", "Object 'Bad' is left out"),
     "UVs": (local_mesh, "_uvs", "Object 'Bad' is left out"),
     "normals": (local_mesh, "_normals", "Object 'Bad' is left out"),
     "value of an instance": (instance_values, "_of_object", "Object 'Bad' is left out"),
     "light links": (light_links.LightLinks, "number", "Object 'Bad' is left out"),
-    "material": (read, "read_material", "Material 'Bad' is read as plain gray"),
+    "material": (reading_of_scenes, "read_material", "Material 'Bad' is read as plain gray"),
     "material to bake": (bake_materials, "needs_redirect", "Material 'Bad' is baked without values of objects"),
     "hash of a mesh": (block_hashes, "_mesh", "Object 'Bad' is not watched for changes"),
     "hash of an object": (block_hashes.BlockReader, "_object", "Object 'Bad' is not watched for changes"),
@@ -242,12 +226,13 @@ def test_unexpected_errors_concern_one_object_alone(
         paint.name = each
         node = paint.node_tree.nodes.new("ShaderNodeObjectInfo")
         paint.node_tree.links.new(node.outputs["Random"], paint.node_tree.nodes["Emission"].inputs["Strength"])
-        item = link(mesh(each, CUBE, CUBE_FACES, paint), (x, 0.0, 0.0))
+        item = cuboid(each, *CUBE, paint)
+        item.location.x = x
         item.data.uv_layers.new(name="UVMap")
         item.data.attributes.new("Color", "FLOAT_COLOR", "CORNER")
     monkeypatch.setattr(owner, name, faulty)
     with caplog.at_level(logging.WARNING, "patchnet"):
-        made = lit()
+        made = lit(**SMALL)
     (sentence,) = [text for text in made.warnings if "unexpected" in text]
     assert sentence.startswith(f"{said}, after an unexpected error (KeyError: 'broken {step}')"), sentence
     assert "Good" in made.source.object_names
@@ -257,4 +242,4 @@ def test_unexpected_errors_concern_one_object_alone(
     if "left out" in said:
         bpy.data.objects["Good"].hide_render = True
         with pytest.raises(EmptySelectionError, match="Object 'Bad' is left out"):
-            lit()
+            lit(**SMALL)

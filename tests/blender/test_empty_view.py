@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.tracing.empty_view import BLACK_VIEWS
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.blender.engine_scene import build_for_engine, rendered
 from patchnet.tests.blender.job_scene import build, principled, render_by_cycles, saved
+from patchnet.tests.blender.light_scene import lit
 from patchnet.tests.blender.objects import SQUARE, lamp, link, look_from, mesh
 from patchnet.tests.blender.shaders import glowing, grey, material, read_by, simple
 
 BEHIND = "Camera 'Eye' sees nothing: the surface is behind it; turn or move it"
+SMALL = {"depth": 4, "max_samples": 2, "size": (24, 16), "cameras": ("Eye",), "gloss": "off"}
 
 
 def turn_away() -> None:
@@ -121,16 +121,14 @@ BLACK = {
 def test_reason_of_a_black_picture_names_object_and_material(case: str) -> None:
     make, below, said = BLACK[case]
     plate(make, below)
-    settings = JobSettings.of(depth=4, max_samples=2, size=(24, 16), cameras=("Eye",), gloss="off")
-    made = drain(build_lit_octree(bpy.context, settings, StageClock()))
+    made = lit(**SMALL)
     assert said in made.octree.provenance[BLACK_VIEWS]["Eye"]
 
 
 def test_a_back_without_light_is_black_though_nothing_else_has_a_lit_back() -> None:
     plate(grey, below=True)
     bpy.data.objects["Plate"].data.flip_normals()
-    settings = JobSettings.of(depth=4, max_samples=2, size=(24, 16), cameras=("Eye",), gloss="off")
-    made = drain(build_lit_octree(bpy.context, settings, StageClock()))
+    made = lit(**SMALL)
     assert "light falls on the other side of 'Plate' alone" in made.octree.provenance[BLACK_VIEWS]["Eye"]
     camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), ("Eye",), (24, 16), made.source.bounds_world)[0]
     hits = first_hits(made.octree, camera)

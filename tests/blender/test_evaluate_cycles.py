@@ -10,13 +10,13 @@ import pytest
 
 from patchnet.operators.cycles.camera_render import render_halves
 from patchnet.operators.scene.files import open_scene
-from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.shading import DIRECTION
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
+from patchnet.tests.blender.objects import read
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import simple
 from patchnet.training import commands
@@ -124,7 +124,7 @@ def test_two_lights_are_what_methods_say(empty_scene: None) -> None:
     bpy.ops.mesh.primitive_plane_add(size=4.0)
     material = simple("BsdfPrincipled", Base_Color=(0.5, 0.5, 0.5, 1.0), Metallic=1.0, Alpha=0.5)
     bpy.context.object.data.materials.append(material)
-    names = read_scene(bpy.context.evaluated_depsgraph_get()).material_names
+    names = read().material_names
     camera = Camera.look_at(np.array([0.0, -0.1, 2.0]), np.zeros(3), size_px=(8, 8), fov=0.5)
     with shown_as(bpy.context.scene, names, DIRECTION):
         halves = drain(render_halves(bpy.context, camera, 512))
@@ -141,7 +141,7 @@ def test_what_the_camera_sees_through_still_throws_its_shadow(empty_scene: None)
     for thing in (floor, wall):
         thing.data.materials.append(simple("BsdfPrincipled", thing.name))
     bpy.ops.object.light_add(type="SUN", rotation=(0.0, 1.0, 0.0))
-    names = read_scene(bpy.context.evaluated_depsgraph_get()).material_names
+    names = read().material_names
     above = Camera.look_at(np.array([1.5, -0.1, 9.0]), np.array([1.5, 0.0, 0.0]), size_px=(32, 8), fov=0.5)
 
     def brightness() -> tuple[float, float]:

@@ -12,11 +12,10 @@ import pytest
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.pipeline.unfinished import STAND_IN
 from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.image.unfinished import Unfinished
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender import shaders
-from patchnet.tests.blender.light_scene import mean_ratios
+from patchnet.tests.blender.light_scene import checked, mean_ratios
 from patchnet.tests.blender.objects import SQUARE, lamp, link, look_from, mesh
 from patchnet.tests.blender.shaders import image, material, mixed, shader, shown, simple
 
@@ -69,8 +68,8 @@ def fence(empty_scene: None) -> None:
 def test_pictures_are_those_of_cycles(fence: None) -> None:
     found = {}
     for shape in ("whole", "boxes", "exact"):
-        job = JobSettings.of(depth=7, cameras=("Eye",), size=(160, 120), max_samples=32, color=False, shape=shape)
-        found[shape] = drain(verify_light(bpy.context, CheckSettings(job, render_samples=64, rays=8))).report["mean"]
+        settings = {"depth": 7, "cameras": ("Eye",), "size": (160, 120), "max_samples": 32, "color": False}
+        found[shape] = checked(**settings, shape=shape).report["mean"]
     psnr = {shape: report["psnr_db"] for shape, report in found.items()}
     assert psnr["exact"] > max(psnr["boxes"] + 4.0, 30.0) and psnr["boxes"] > psnr["whole"] + 0.5, psnr
     assert found["exact"]["mean_ratio"] == pytest.approx(1.0, abs=0.02)

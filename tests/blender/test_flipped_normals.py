@@ -8,12 +8,9 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.operators.verify_light import CheckSettings, verify_light
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender import objects, shaders
-from patchnet.tests.blender.light_scene import bake, bake_surfels, mean_ratios, picture
-from patchnet.tests.blender.objects import CUBE_FACES, link, look_from, mesh
+from patchnet.tests.blender.light_scene import bake, bake_surfels, checked, mean_ratios, picture
+from patchnet.tests.blender.objects import CUBE_FACES, corners, link, look_from, mesh
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import simple
 
@@ -27,13 +24,9 @@ def start(world: float = 0.05) -> None:
     shaders.world().nodes["Background"].inputs["Color"].default_value = (world, world, world, 1.0)
 
 
-def add(name: str, corners: list[Place], faces: list[tuple[int, ...]]) -> bpy.types.Object:
+def add(name: str, places: list[Place], faces: list[tuple[int, ...]]) -> bpy.types.Object:
     paint = bpy.data.materials.get("Gray") or simple("BsdfPrincipled", "Gray", Base_Color=(0.6, 0.6, 0.6, 1.0))
-    return link(mesh(name, corners, faces, paint))
-
-
-def corners_of(low: Place, high: Place) -> list[Place]:
-    return [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    return link(mesh(name, places, faces, paint))
 
 
 def square(name: str, half: float, z: float, down: bool = False) -> None:
@@ -53,13 +46,13 @@ def camera(place: Place, target: Place) -> None:
 def room(inward: bool, *, closed: bool, lit: bool = True, world: float = 0.05) -> None:
     """A room seen from inside, of six walls that are objects of their own or of one closed mesh, with a table."""
     start(world)
-    corners, faces = corners_of((-2, -2, 0), (2, 2, 2.5)), INWARD if inward else CUBE_FACES
+    places, faces = corners((-2, -2, 0), (2, 2, 2.5)), INWARD if inward else CUBE_FACES
     if closed:
-        add("Walls", corners, faces)
+        add("Walls", places, faces)
     else:
         for number, face in enumerate(faces):
-            add(f"Wall {number}", [corners[corner] for corner in face], [(0, 1, 2, 3)])
-    add("Table", corners_of((-0.5, 0.3, 0.01), (0.5, 1, 0.7)), CUBE_FACES)
+            add(f"Wall {number}", [places[corner] for corner in face], [(0, 1, 2, 3)])
+    add("Table", corners((-0.5, 0.3, 0.01), (0.5, 1, 0.7)), CUBE_FACES)
     if lit:
         lamp("POINT", (0, 0, 2.2), 50.0)
     camera((0, -1.8, 1.4), (0, 1, 1))
@@ -77,14 +70,14 @@ def sheet(down: bool, ground_down: bool = False) -> None:
 def grid(flipped: Callable[[int], bool]) -> None:
     """A grid of 8 x 8 squares in the sun, some of whose columns point down, with a block on it."""
     start()
-    corners = [(-1 + i / 4, -1 + j / 4, 0.0) for j in range(9) for i in range(9)]
+    places = [(-1 + i / 4, -1 + j / 4, 0.0) for j in range(9) for i in range(9)]
     faces = []
     for j in range(8):
         for i in range(8):
             face = (9 * j + i, 9 * j + i + 1, 9 * j + i + 10, 9 * j + i + 9)
             faces.append(tuple(reversed(face)) if flipped(i) else face)
-    add("Grid", corners, faces)
-    add("Block", corners_of((-0.2, -0.2, 0.01), (0.2, 0.2, 0.4)), CUBE_FACES)
+    add("Grid", places, faces)
+    add("Block", corners((-0.2, -0.2, 0.01), (0.2, 0.2, 0.4)), CUBE_FACES)
     lamp("SUN", (1, -1, 5), 3.0)
     camera((1.5, -2.5, 2.6), (0, 0, 0.2))
 
@@ -92,7 +85,7 @@ def grid(flipped: Callable[[int], bool]) -> None:
 def shelter(down: bool) -> None:
     """A grid of 8 x 8 squares, half in the sun and half in a dark shed with an open side."""
     grid(lambda _: down)
-    add("Shed", corners_of((-1.05, -1.05, -0.2), (0, 1.05, 0.9)), CUBE_FACES[1:])  # without the far side
+    add("Shed", corners((-1.05, -1.05, -0.2), (0, 1.05, 0.9)), CUBE_FACES[1:])  # without the far side
     bpy.data.objects["Shed"].rotation_euler.z = np.pi
     camera((2.2, -2.0, 1.6), (0, 0, 0.1))
 
@@ -100,7 +93,7 @@ def shelter(down: bool) -> None:
 def curtain(into_room: bool, *, from_room: bool) -> None:
     """A curtain in the open side of a dim room, with the sun on it, seen from the room or from outside."""
     start()
-    add("Room", corners_of((-1, -1, 0), (1, 1, 1.5)), [INWARD[n] for n in (0, 1, 3, 4, 5)])  # open towards -y
+    add("Room", corners((-1, -1, 0), (1, 1, 1.5)), [INWARD[n] for n in (0, 1, 3, 4, 5)])  # open towards -y
     face = (0, 1, 2, 3) if into_room else (3, 2, 1, 0)
     add("Curtain", [(1, -1, 0), (-1, -1, 0), (-1, -1, 1.5), (1, -1, 1.5)], [face])
     lamp("SUN", (0, -5, 3), 5.0)
@@ -123,7 +116,7 @@ def box(inward: bool) -> None:
     """A closed box on the ground, seen from outside."""
     start()
     square("Ground", 3.0, 0.0)
-    add("Box", corners_of((-0.5, -0.5, 0), (0.5, 0.5, 1)), INWARD if inward else CUBE_FACES)
+    add("Box", corners((-0.5, -0.5, 0), (0.5, 0.5, 1)), INWARD if inward else CUBE_FACES)
     lamp("SUN", (1, -1, 5), 3.0)
     camera((1.5, -2.5, 1.6), (0, 0, 0.4))
 
@@ -177,9 +170,7 @@ def test_light_is_that_of_cycles_however_normals_point(scene: str, flip: bool) -
 def test_a_lampshade_from_outside_is_dark() -> None:
     """But at its outline, where voxels show the 70 times as bright inner side of facets that the nearest ones hide."""
     lampshade(0.3)
-    bpy.context.view_layer.update()
-    job = JobSettings.of(depth=8, color=False, size=(32, 24), max_samples=16, cameras=("all",))
-    (seen,) = drain(verify_light(bpy.context, CheckSettings(job, render_samples=64, rays=8))).cameras
+    (seen,) = checked(depth=8, color=False, size=(32, 24), max_samples=16, cameras=("all",)).cameras
     inside = seen.cycles > 0.9 * seen.cycles.max()
     assert inside.sum() > 30
     assert np.median(seen.octree[inside] / seen.cycles[inside]) == pytest.approx(1.0, abs=0.15)

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
+from patchnet.tests.blender.objects import CUBE_FACES, corners, mesh
 from patchnet.tests.furniture_library import write_library
 from patchnet.training import commands
 from patchnet.training.commands.lab.furnished.compose import compose_scene
@@ -49,8 +50,8 @@ def test_nothing_intersects_and_sizes_are_true(path: Path, kind: str) -> None:
 
 def test_model_is_turned_before_it_is_scaled(path: Path) -> None:
     table, chair = read_library(path).pieces[:2]
-    for piece, mesh in library_meshes([table, chair]).items():
-        points = vertices_of(mesh)
+    for piece, model in library_meshes([table, chair]).items():
+        points = vertices_of(model)
         assert np.allclose(np.ptp(points, axis=0), piece.size, atol=1e-5)
         assert np.allclose(points.min(axis=0), (-piece.size[0] / 2, -piece.size[1] / 2, 0.0), atol=1e-5)
     # The model's lower edge of z = 0 (its back) is at +y; turned by a quarter, what was on its right is.
@@ -59,14 +60,11 @@ def test_model_is_turned_before_it_is_scaled(path: Path) -> None:
 
 
 def test_faces_that_lie_on_others_go_and_the_rest_faces_outwards(empty_scene: None) -> None:
-    cube = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
-    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    mixed = [face[::-1] if number % 2 else face for number, face in enumerate(faces)]
-    mesh = bpy.data.meshes.new("Cube")
-    mesh.from_pydata(cube, [], mixed + [face[::-1] for face in mixed])
-    repair_mesh(mesh)
+    mixed = [face[::-1] if number % 2 else face for number, face in enumerate(CUBE_FACES)]
+    cube = mesh("Cube", corners((0, 0, 0), (1, 1, 1)), mixed + [face[::-1] for face in mixed]).data
+    repair_mesh(cube)
     middle = np.array([0.5, 0.5, 0.5])
-    outward = [np.dot(polygon.normal, np.array(polygon.center) - middle) for polygon in mesh.polygons]
+    outward = [np.dot(polygon.normal, np.array(polygon.center) - middle) for polygon in cube.polygons]
     assert len(outward) == 6 and min(outward) > 0.4
 
 

@@ -13,23 +13,18 @@ import pytest
 from patchnet import commands
 from patchnet.operators.cycles.bake.gloss_passes import gloss_warnings, seen_through, with_view
 from patchnet.operators.demo_scene import build_glossy_room
-from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene.images import ImageReader
 from patchnet.operators.scene.materials import read_material
-from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.groups import LightSettings
-from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.image.comparison import picture_psnr
 from patchnet.patchnet_addon.image.cycles_passes import baked_light, baked_light_with_gloss
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.blender.job_scene import saved
-from patchnet.tests.blender.light_scene import ALL_PATHS, bake_on
-from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, link, look_from, mesh
+from patchnet.tests.blender.light_scene import ALL_PATHS, bake_on, checked, lit
+from patchnet.tests.blender.objects import SQUARE, cuboid, link, look_from, mesh, read
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import material, shader, shown, simple, world
 from patchnet.tests.blender.shaders import mixed as blended
@@ -57,10 +52,9 @@ def sky() -> None:
 
 def baked(**values: object) -> tuple[dict[str, float], tuple[str, ...]]:
     """Mean luminance of the front of each object, and warnings."""
-    bpy.context.view_layer.update()
     light = LightSettings(**{"cells": "everywhere", "noise_threshold": ALL_PATHS, **values})
     light = with_view(bpy.context.scene, light, ())
-    source = seen_through(read_scene(bpy.context.evaluated_depsgraph_get()), light.gloss)
+    source = seen_through(read(), light.gloss)
     found = bake_on(source, light, depth=6)
     fragments = found.fragments
     names = dict.fromkeys(source.object_names, 0.0)
@@ -144,13 +138,12 @@ def test_a_camera_sees_other_reflections_than_what_is_above() -> None:
 
 
 def test_glass_is_see_through_unless_it_is_all_there_is() -> None:
-    cube = [(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
     glass = principled("Glass", Transmission_Weight=1.0, Roughness=0.0, Base_Color=(1, 1, 1, 1))
-    link(mesh("Cube", cube, CUBE_FACES, glass))
-    alone = read_scene(bpy.context.evaluated_depsgraph_get())
+    cuboid("Cube", (-1.0,) * 3, (1.0,) * 3, glass)
+    alone = read()
     assert seen_through(alone, "auto") is alone
     link(mesh("Floor", SQUARE, [(0, 1, 2, 3)], principled("Clay")))
-    both = read_scene(bpy.context.evaluated_depsgraph_get())
+    both = read()
     alphas = {item.name: item.alpha for item in seen_through(both, "auto").materials}
     assert alphas == {"Glass": 0.0, "Clay": 1.0}
     assert seen_through(both, "off") is both
@@ -169,11 +162,10 @@ def test_a_room_of_metal_and_glass_is_what_cycles_renders() -> None:
     """Against all light of a render: 22 dB with gloss, though at a coarse depth, and less without it."""
     bpy.ops.wm.read_homefile(use_empty=True)
     build_glossy_room(bpy.context.scene)
-    bpy.context.view_layer.update()
-    job = JobSettings.of(depth=7, size=(40, 40), max_samples=8)
-    check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=128, rays=8)))
+    settings = {"depth": 7, "size": (40, 40), "max_samples": 8}
+    check = checked(render_samples=128, **settings)
     assert check.report["light"]["gloss"] == "auto" and check.report["cameras"][0]["psnr_db"] >= 22.0
-    off = drain(build_lit_octree(bpy.context, job.changed(gloss="off"), StageClock())).octree
+    off = lit(**settings, gloss="off").octree
     assert off.provenance["gloss"] == "off"
     seen = check.cameras[0]
     without = drain(supersample(off, seen.camera, 8)).luminance.reshape(seen.cycles.shape)

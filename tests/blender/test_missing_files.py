@@ -6,18 +6,13 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
-from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
 from patchnet.tests.blender.job_scene import build, saved
-
-
-def source() -> SceneMesh:
-    return read_scene(bpy.context.evaluated_depsgraph_get())
+from patchnet.tests.blender.objects import read
 
 
 def warnings() -> str:
-    return "\n".join(source().warnings)
+    return "\n".join(read().warnings)
 
 
 def with_texture(path: str, source: str = "FILE") -> bpy.types.Material:

@@ -12,16 +12,12 @@ import pytest
 
 from patchnet.operators.scene.images import ImageReader
 from patchnet.operators.scene.materials import read_material
-from patchnet.operators.scene.read import read_scene
-from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.texture_lookup import surface_of_fragments
 from patchnet.patchnet_addon.surface.textures import TextureTable
-from patchnet.tests.blender.light_scene import picture
-from patchnet.tests.blender.objects import SQUARE, lamp, link, look_from, mesh
+from patchnet.tests.blender.light_scene import assert_as_cycles, checked, picture
+from patchnet.tests.blender.objects import SQUARE, lamp, link, look_from, mesh, read
 from patchnet.tests.blender.shaders import added, grey, image, material, mixed, read_by, shader, shown, world
 from patchnet.tests.references.clip import parts_of
 
@@ -154,7 +150,7 @@ def square(shaders: Callable[[Tree], Socket], uv_map: bool = True) -> bpy.types.
 
 def covered() -> float:
     """Mean opacity of the square as the engine reads it, before what is less than half opaque is left out."""
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    source = read()
     own = (read_material(bpy.data.materials["Paint"], ImageReader()).material,)
     clipped = ClippedSurface(replace(source, materials=own), Grid.around(source.bounds_world, 6))
     table, sums = TextureTable.from_materials(own), np.zeros(2)
@@ -184,7 +180,7 @@ def test_one_texel_without_a_uv_map(move: float) -> None:
 def test_what_cannot_be_shown_names_the_material() -> None:
     square(OPACITIES["transparent and emission"])
     item = link(mesh("Floor", SQUARE, [(0, 1, 2, 3)], grey()), (0.0, 0.0, -1.0))
-    notes = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
+    notes = read().warnings
     assert [note for note in notes if note.startswith("Material 'Paint' is partly transparent")], notes
     assert item.data.materials[0].name not in " ".join(notes)
 
@@ -192,10 +188,9 @@ def test_what_cannot_be_shown_names_the_material() -> None:
 def test_values_of_zero_and_one_are_no_partial_opacity() -> None:
     """An attribute's own values count, not all that it could have."""
     item = square(OPACITIES["alpha of a color attribute"])
-    assert read_scene(bpy.context.evaluated_depsgraph_get()).warnings
+    assert read().warnings
     item.data.color_attributes["Paint"].data.foreach_set("color", np.tile([1.0, 1.0, 1.0, 0.0], 4))
-    bpy.context.view_layer.update()
-    assert read_scene(bpy.context.evaluated_depsgraph_get()).warnings == []
+    assert read().warnings == []
 
 
 def facing(tree: Tree) -> Socket:
@@ -222,11 +217,5 @@ def test_pictures_are_those_of_cycles(name: str) -> None:
     lamp("SUN", 2.0, angle=0.1).rotation_euler = (0.5, 0.3, 0.0)
     world().nodes["Background"].inputs[0].default_value = (0.4, 0.4, 0.5, 1.0)
     look_from((0.0, -5.0, 4.0), (0.0, 0.0, 0.8))
-    bpy.context.view_layer.update()
-    job = JobSettings.of(
-        depth=7, size=(64, 64), max_samples=8, cameras=("Eye",), gloss="off", cells="everywhere", color=False
-    )
-    check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=64, rays=8)))
-    (figures,) = check.report["cameras"]
-    said = f"{figures['psnr_db']:.1f} dB, ratio {figures['mean_ratio']:.3f}, {check.report['warnings']}"
-    assert figures["psnr_db"] > 25.0 and abs(figures["mean_ratio"] - 1.0) < 0.03, said
+    settings = {"depth": 7, "size": (64, 64), "max_samples": 8, "gloss": "off", "cells": "everywhere", "color": False}
+    assert_as_cycles(checked(cameras=("Eye",), **settings), psnr_db=25.0, ratio=0.03)

@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Geometry and cameras as other people's files hold them, each against a render by Cycles."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
 
-from patchnet.operators.scene.read import read_scene
-from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.operators.verify_light import CheckSettings, verify_light
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, lamp, link, look_from, mesh, slab
+from patchnet.operators.verify_light import LightCheck
+from patchnet.tests.blender.light_scene import assert_as_cycles, checked
+from patchnet.tests.blender.objects import SQUARE, cuboid, lamp, link, look_from, mesh, read, slab
 from patchnet.tests.blender.shaders import grey, image, material, shader, shown, simple, world
 
 LEAST_PSNR_DB, RATIO = 26.0, 0.04
@@ -22,11 +20,6 @@ pytestmark = pytest.mark.usefixtures("empty_scene")
 
 def paint(name: str, *rgb: float) -> bpy.types.Material:
     return simple(name=name, Color=(*rgb, 1.0))
-
-
-def box(name: str, low: Sequence[float], high: Sequence[float], color: bpy.types.Material) -> bpy.types.Object:
-    corners = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
-    return link(mesh(name, corners, CUBE_FACES, color))
 
 
 def sheet(name: str, z: float, half: float, color: bpy.types.Material) -> bpy.types.Object:
@@ -41,7 +34,7 @@ def rugs() -> None:
 
 
 def roof() -> None:
-    box("House", (-1.0, -1.0, 0.0), (1.0, 1.0, 0.8), grey(0.2))
+    cuboid("House", (-1.0, -1.0, 0.0), (1.0, 1.0, 0.8), grey(0.2))
     sheet("Roof", 0.8005, 1.2, paint("Roof", 0.8, 0.1, 0.05))
     slab("Ground", low=(-2, -2), high=(2, 2))
 
@@ -52,7 +45,7 @@ def bricks() -> None:
     for row in range(4):
         for column in range(5):
             low = (0.4 * column - 1.0, 0.0, 0.25 * row)
-            box("Brick", low, (low[0] + 0.4, 0.3, low[2] + 0.25), grey(0.4 + 0.1 * ((row + column) % 3)))
+            cuboid("Brick", low, (low[0] + 0.4, 0.3, low[2] + 0.25), grey(0.4 + 0.1 * ((row + column) % 3)))
 
 
 def tent() -> None:
@@ -76,8 +69,7 @@ def test_a_closed_tent_is_dark_inside() -> None:
     lamp("SUN", 5.0)
     eye = look_from((0.0, -0.8, 0.4), (0.0, 1.0, 0.5))
     eye.data.lens = 20.0
-    check = drain(verify_light(bpy.context, settings()))
-    assert check.cameras[0].octree.max() < 1e-3
+    assert compared().cameras[0].octree.max() < 1e-3
 
 
 def scaled(eye: bpy.types.Object) -> None:
@@ -133,20 +125,19 @@ def test_screens_are_as_sharp_as_their_images(kind: str) -> None:
 
 
 def test_custom_normals_below_the_surface_are_named() -> None:
-    right, wrong = box("Right", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), grey()), slab("Wrong")
+    right, wrong = cuboid("Right", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), grey()), slab("Wrong")
     right.data.normals_split_custom_set([each.vector for each in right.data.corner_normals])
     wrong.data.normals_split_custom_set_from_vertices([(0.0, 0.0, 1.0)] * len(wrong.data.vertices))
-    (note,) = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
+    (note,) = read().warnings
     assert note.startswith("Custom normals of 'Wrong' point below the surface")
 
 
-def settings() -> CheckSettings:
-    job = JobSettings.of(depth=7, size=(48, 48), max_samples=8, noise_threshold=1e-4)
-    return CheckSettings(job, render_samples=64, rays=4)
+def compared() -> LightCheck:
+    return checked(depth=7, size=(48, 48), max_samples=8, noise_threshold=1e-4, rays=4)
 
 
 def assert_right(least_psnr_db: float = LEAST_PSNR_DB) -> None:
     """Check the octree's light in the active camera against Cycles."""
-    (frame,) = drain(verify_light(bpy.context, settings())).report["cameras"]
-    assert frame["psnr_db"] > least_psnr_db and abs(frame["mean_ratio"] - 1.0) < RATIO, frame
-    assert frame["both_hit_share"] > 0.3
+    check = compared()
+    assert_as_cycles(check, least_psnr_db, RATIO)
+    assert check.report["cameras"][0]["both_hit_share"] > 0.3

@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Walls of the closed room at the bake's defaults: few paths a place leave them even."""
 
-import bpy
 import numpy as np
 
 from patchnet.commands.shared.scene_argument import open_or_build
-from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.operators.verify_light import CheckSettings, verify_light
-from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.blender.light_scene import checked
 
 BLOCK, WALL = (slice(10, 105), slice(50, 115)), (slice(100, 165), slice(215, 250))  # rows from below, columns
 
@@ -24,9 +21,8 @@ def mottling(picture: np.ndarray) -> float:
 def test_walls_look_even() -> None:
     """With 4 paths in most places. What the paths of a light cell make uneven, the filter has to even out."""
     open_or_build("room")
-    job = JobSettings.of(cameras=("Front",), size=(256, 192), depth=9, color=False)
-    check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=4, rays=16)))
-    (view,) = check.cameras
+    settings = {"cameras": ("Front",), "size": (256, 192), "depth": 9, "color": False}
+    (view,) = checked(render_samples=4, rays=16, **settings).cameras
     found = [mottling(view.octree[part]) for part in (BLOCK, WALL)]
     print(f"mottling: block {found[0]:.2%}, wall {found[1]:.2%}")
     assert max(found) < 0.015

@@ -10,14 +10,12 @@ import pytest
 from patchnet.operators.cycles.bake import baker
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.cycles.pixel_renders import pixel_renders
-from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene_access.frames import kept_frame
 from patchnet.operators.scene_access.overrides import changed
-from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.blender.full_scene import build_full
+from patchnet.tests.blender.light_scene import lit
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -62,8 +60,7 @@ def test_saved_while_cycles_bakes(prepare: Callable[[], None], tmp_path: Path, m
         run(context, target)
 
     monkeypatch.setattr(baker, "bake_now", save_and_run)
-    settings = JobSettings.of(depth=4, size=(16, 16), max_samples=2)
-    drain(build_lit_octree(bpy.context, settings, StageClock()))
+    lit(depth=4, size=(16, 16), max_samples=2)
     assert saves
     for path in saves:
         assert_same_file(before, path)

@@ -11,20 +11,17 @@ import pytest
 
 from patchnet.commands.shared.scene_argument import scene_path
 from patchnet.operators.scene.files import is_blend, open_scene
-from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.runtime.errors import SceneError
+from patchnet.tests.blender.objects import link, mesh, read
 
 
 @pytest.fixture
 def triangle() -> bpy.types.Object:
     bpy.ops.wm.read_homefile(use_empty=True)
-    mesh = bpy.data.meshes.new("Triangle")
-    mesh.from_pydata([(0, 0, 0), (2, 0, 0), (0, 3, 0)], [], [(0, 1, 2)])
-    item = bpy.data.objects.new("Triangle", mesh)
-    bpy.context.scene.collection.objects.link(item)
+    item = link(mesh("Triangle", [(0, 0, 0), (2, 0, 0), (0, 3, 0)], [(0, 1, 2)]))
     item.select_set(True)
     bpy.context.view_layer.objects.active = item
-    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye")))
+    link(bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye")))
     return item
 
 
@@ -44,7 +41,7 @@ def test_files_are_read(triangle: bpy.types.Object, tmp_path: Path, extension: s
         getattr(bpy.ops.wm, f"{extension}_export")(filepath=str(path))
     bpy.ops.wm.read_homefile(use_empty=True)
     open_scene(path)
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    source = read()
     assert source.triangle_count == 1
     (batch,) = source.batches()
     a, b, c = batch.corners_world[0]

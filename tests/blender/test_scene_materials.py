@@ -13,12 +13,12 @@ from patchnet.operators.scene.files import open_scene
 from patchnet.operators.scene.images import ImageReader
 from patchnet.operators.scene.materials import read_material
 from patchnet.operators.scene.node_terms import TextureUse
-from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.surface.chroma import REC709
 from patchnet.patchnet_addon.surface.mesh import Material
 from patchnet.tests.blender.light_scene import picture as rendered
 from patchnet.tests.blender.objects import SQUARE, mesh
 from patchnet.tests.blender.objects import link as put
+from patchnet.tests.blender.objects import read as read_surface
 from patchnet.tests.blender.shaders import added, shader, shown
 from patchnet.tests.blender.shaders import image as any_image
 from patchnet.tests.blender.shaders import material as bare
@@ -311,7 +311,7 @@ def test_gltf_importers_materials(tmp_path: Path) -> None:
     ]  # fmt: skip
     write_gltf(tmp_path / "scene.gltf", materials, pixels)
     open_scene(tmp_path / "scene.gltf")
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    source = read_surface()
     (warning,) = source.warnings
     assert warning.startswith("Materials 'Plain', 'Blend' are partly transparent") and source.color_warnings == ()
     found = {material.name: material for material in source.materials}

@@ -6,23 +6,16 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError, GeometryError
 from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
-from patchnet.tests.blender.objects import CUBE_FACES, collection_instance, link, mesh, moved_to
+from patchnet.tests.blender.objects import collection_instance, cuboid, link, mesh, moved_to, read
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
 
 def cube(name: str = "Cube") -> bpy.types.Object:
-    vertices = [(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]
-    return link(mesh(name, vertices, CUBE_FACES))
-
-
-def read(scope: str = "VISIBLE") -> SceneMesh:
-    bpy.context.view_layer.update()
-    return read_scene(bpy.context.evaluated_depsgraph_get(), scope)
+    return cuboid(name, (0.0,) * 3, (1.0,) * 3)
 
 
 def corners(source: SceneMesh) -> np.ndarray:

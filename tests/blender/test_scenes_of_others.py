@@ -7,9 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.operators.verify_light import CheckSettings, LightCheck, verify_light
-from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.operators.verify_light import LightCheck
+from patchnet.tests.blender.light_scene import assert_as_cycles, checked
 from patchnet.tests.blender.objects import lamp, look_from
 from patchnet.tests.blender.shaders import image, material, shader, shown, simple, world
 
@@ -41,18 +40,9 @@ def principled(name: str, **inputs: object) -> bpy.types.Material:
     return simple("BsdfPrincipled", name, **values | inputs)
 
 
-def checked(**values: object) -> LightCheck:
-    bpy.context.view_layer.update()
-    job = JobSettings.of(
-        **{"depth": 7, "size": (96, 96), "max_samples": 4, "cameras": ("Eye",), "gloss": "off"} | values
-    )
-    return drain(verify_light(bpy.context, CheckSettings(job, render_samples=16, rays=6)))
-
-
-def assert_right(check: LightCheck) -> None:
-    (figures,) = check.report["cameras"]
-    said = f"{figures['psnr_db']:.1f} dB, ratio {figures['mean_ratio']:.3f}, {check.report['warnings']}"
-    assert figures["psnr_db"] >= RIGHT_DB and abs(figures["mean_ratio"] - 1.0) <= RIGHT_RATIO, said
+def compared(**values: object) -> LightCheck:
+    settings = {"depth": 7, "size": (96, 96), "max_samples": 4, "cameras": ("Eye",), "gloss": "off"} | values
+    return checked(render_samples=16, rays=6, **settings)
 
 
 def without_output() -> None:
@@ -116,8 +106,8 @@ SCENES: dict[str, Callable[[], None]] = {
 @pytest.mark.parametrize("name", SCENES)
 def test_light_is_that_of_cycles(name: str) -> None:
     SCENES[name]()
-    check = checked()
-    assert_right(check)
+    check = compared()
+    assert_as_cycles(check, RIGHT_DB, RIGHT_RATIO)
     named = "Materials 'Pane 0.1', 'Pane 0.3', 'Pane 0.7', 'Pane 0.9' are partly transparent"
     said = [text for text in check.report["warnings"] if text.startswith(named)]
     assert len(said) == (SCENES[name] is partly_transparent)
@@ -127,7 +117,7 @@ def test_light_is_that_of_cycles(name: str) -> None:
 def test_texture_is_finer_than_the_light(kind: str) -> None:
     """With cells of light that are as large as its texels, which are then the material's alone."""
     textured("REPEAT", "Closest", "" if kind == "square texels" else "Second")
-    assert_right(checked(size=(24, 24), depth=9))
+    assert_as_cycles(compared(size=(24, 24), depth=9), RIGHT_DB, RIGHT_RATIO)
 
 
 def test_what_passes_light_is_not_black_whatever_its_specular() -> None:
@@ -137,7 +127,7 @@ def test_what_passes_light_is_not_black_whatever_its_specular() -> None:
         color = (0.8, 0.8, 0.8, 1.0)
         values = {"Base_Color": color, "Specular_IOR_Level": specular, "Roughness": 0.4, "Transmission_Weight": 1.0}
         cube(principled(f"Glass {specular}", **values), 3.0 * number - 1.5)
-    check = checked(gloss="auto", max_samples=16)
+    check = compared(gloss="auto", max_samples=16)
     (figures,) = check.report["cameras"]
     assert figures["psnr_db"] > 30.0 and 0.85 < figures["mean_ratio"] < 1.0, "0.45 and 20 dB where one of them is black"
     (warning,) = check.report["warnings"]

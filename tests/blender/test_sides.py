@@ -7,15 +7,12 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene.cameras import choose_cameras
-from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.blender import shaders
-from patchnet.tests.blender.light_scene import mean_ratios
-from patchnet.tests.blender.objects import CUBE_FACES, lamp, link, look_from, mesh
+from patchnet.tests.blender.light_scene import lit, mean_ratios
+from patchnet.tests.blender.objects import CUBE_FACES, corners, lamp, link, look_from, mesh
 from patchnet.tests.blender.shaders import simple
 
 PLAIN = {"Specular_IOR_Level": 0.0}  # a specular layer dims light as in the mean of all views: test_mean_view.py
@@ -25,8 +22,7 @@ BOTTOM = next(face for face in CUBE_FACES if all(not corner & 1 for corner in fa
 
 def box(name: str, low: float, high: float, gray: float, faces: list[tuple[int, ...]]) -> None:
     paint = simple("BsdfPrincipled", name, Base_Color=(gray, gray, gray, 1.0), **PLAIN)
-    corners = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (low, high)]
-    link(mesh(name, corners, faces, paint))
+    link(mesh(name, corners((-1, -1, low), (1, 1, high)), faces, paint))
 
 
 def cloth_on_table() -> None:
@@ -72,19 +68,17 @@ def test_two_lights_shine_on_both_sides_of_a_sheet() -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
     for name, gray, slope in (("White", 0.8, 1), ("Dark", 0.1, -1)):
         paint = simple("BsdfPrincipled", name, Base_Color=(gray, gray, gray, 1.0))
-        corners, faces = [], []
+        places, faces = [], []
         for x in np.arange(-1.0, 1.0, 0.02) + (0.0 if slope > 0 else 0.01):
             ends = (x, 0.0 if slope > 0 else 0.01), (x + 0.01, 0.01 if slope > 0 else 0.0)
-            first = len(corners)
-            corners += [(along, y, z) for along, z in ends for y in (-1.0, 1.0)]
+            first = len(places)
+            places += [(along, y, z) for along, z in ends for y in (-1.0, 1.0)]
             faces.append((first, first + 2, first + 3, first + 1))
-        link(mesh(name, corners, faces, paint))
+        link(mesh(name, places, faces, paint))
     for name, way in (("Front", -1.0), ("Back", 1.0)):
         look_from((way, 0.0, -way), (0.0, 0.0, 0.0), name).data.lens = 60.0
-    bpy.context.view_layer.update()
-    job = JobSettings.of(light="two-lights", depth=6, size=(16, 16), cameras=("Front", "Back"), color=False)
-    graph = bpy.context.evaluated_depsgraph_get()
-    octree = drain(build_lit_octree(bpy.context, job, StageClock())).octree
-    cameras = choose_cameras(graph, job.view.cameras, job.view.size, np.zeros((2, 3)))
+    names, size = ("Front", "Back"), (16, 16)
+    octree = lit(light="two-lights", depth=6, size=size, cameras=names, color=False).octree
+    cameras = choose_cameras(bpy.context.evaluated_depsgraph_get(), names, size, np.zeros((2, 3)))
     front, back = (drain(supersample(octree, camera, 8)).luminance.mean() for camera in cameras)
     assert back == pytest.approx(front, rel=0.1)

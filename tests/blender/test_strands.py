@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 
 from patchnet.operators.scene import strands
-from patchnet.operators.scene.read import read_scene
-from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.state.scene_state import SURFACE, scene_state
-from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
-from patchnet.tests.blender.objects import geometry_nodes, lamp, link, look_from, slab
+from patchnet.tests.blender.light_scene import assert_as_cycles, checked
+from patchnet.tests.blender.objects import geometry_nodes, lamp, link, look_from, read, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import grey, simple, world
 
@@ -23,24 +19,17 @@ pytestmark = pytest.mark.usefixtures("empty_scene")
 LEAST_PSNR_DB, RATIO = 24.0, 0.06
 
 
-def read() -> SceneMesh:
-    bpy.context.view_layer.update()
-    return read_scene(bpy.context.evaluated_depsgraph_get())
-
-
-def assert_as_cycles() -> str:
+def assert_like_cycles() -> str:
     """The octree over a floor, in the light of a sun and a grey sky, is what Cycles shows; its notes."""
     slab(low=(-1.5, -1.5), high=(1.5, 1.5))
     lamp("SUN", 3.0).rotation_euler = (0.7, 0.2, 0.5)
     world()
     look_from((1.6, -3.0, 2.6), (0, 0, 0.3))
     bpy.context.view_layer.update()
-    job = JobSettings.of(depth=8, size=(48, 48), max_samples=8, cameras=("Eye",))
     before = scene_snapshot()
-    check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=64, rays=8)))
+    check = checked(depth=8, size=(48, 48), max_samples=8, cameras=("Eye",))
     assert_unchanged(before)
-    (frame,) = check.report["cameras"]
-    assert frame["psnr_db"] >= LEAST_PSNR_DB and abs(frame["mean_ratio"] - 1.0) <= RATIO, frame
+    assert_as_cycles(check, LEAST_PSNR_DB, RATIO)
     return " ".join(check.report["warnings"])
 
 
@@ -96,7 +85,7 @@ def hair_ball(children: int = 0) -> bpy.types.Object:
 def test_round_hair_curves() -> None:
     curves()
     bpy.context.scene.cycles_curves.shape = "THICK"
-    assert_as_cycles()
+    assert_like_cycles()
 
 
 @pytest.mark.parametrize(("kind", "component"), [("HairPrincipled", ""), ("Hair", "Reflection"), ("Toon", "GLOSSY")])
@@ -106,7 +95,7 @@ def test_shaders_that_are_gloss_alone(kind: str, component: str) -> None:
     if component:
         paint.node_tree.nodes[1].component = component
     curves(paint=paint)
-    said = assert_as_cycles()
+    said = assert_like_cycles()
     assert "'Shine' is baked with reflections" in said and ("BSDF' of material 'Shine'" in said) == (kind != "Toon")
 
 
@@ -118,17 +107,17 @@ def test_bent_hair_curves(kind: str) -> None:
     points[:, 2] = (points[:, 2] + 0.8) * 0.6
     item.data.attributes["position"].data.foreach_set("vector", points.astype(np.float32).ravel())
     item.data.set_types(type=kind)
-    assert_as_cycles()
+    assert_like_cycles()
 
 
 def test_particle_hair_with_children() -> None:
     hair_ball(3)
-    assert_as_cycles()
+    assert_like_cycles()
 
 
 def test_points_of_geometry_nodes() -> None:
     node_points()
-    assert_as_cycles()
+    assert_like_cycles()
 
 
 def test_an_emitter_is_what_renders_show() -> None:
@@ -136,7 +125,7 @@ def test_an_emitter_is_what_renders_show() -> None:
     for shown in (True, False):
         ball.show_instancer_for_render, ball.show_instancer_for_viewport = shown, not shown
         assert len(read().parts) == 1 + shown
-    assert_as_cycles()
+    assert_like_cycles()
 
 
 @pytest.mark.parametrize("kind", ["VERTS", "NODES"])

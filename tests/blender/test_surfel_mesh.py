@@ -5,14 +5,11 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene_access.blender_version import start_nodes
-from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.light.surfel_triangles import _weights
 from patchnet.patchnet_addon.light.surfels import SURFEL
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.tests.blender.job_scene import build
+from patchnet.tests.blender.light_scene import lit
 
 
 @pytest.mark.parametrize("width", [1.0, 0.1, 1e-2, 1e-3])
@@ -45,8 +42,6 @@ def test_thin_boxes_in_even_light_are_even() -> None:
             bpy.data.objects.remove(item)
     world = bpy.context.scene.world = bpy.data.worlds.new("World")
     start_nodes(world).nodes["Background"].inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
-    bpy.context.view_layer.update()
-    settings = JobSettings.of(depth=6, max_samples=2, size=(64, 64), exposure=1.0, gloss="off", sides="one")
-    octree = drain(build_lit_octree(bpy.context, settings, StageClock())).octree
-    lit = octree.luminance_float(octree.level(octree.depth))
-    assert lit.min() > 0.8 and np.ptp(lit) < 0.02
+    octree = lit(depth=6, max_samples=2, size=(64, 64), exposure=1.0, gloss="off", sides="one").octree
+    values = octree.luminance_float(octree.level(octree.depth))
+    assert values.min() > 0.8 and np.ptp(values) < 0.02
