@@ -18,7 +18,7 @@ from mathutils import Quaternion
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, PACKAGE, Visit, choose, module, result, watched
+from visits import OUT, PACKAGE, Visit, choose, engine, module, result, watched
 
 NAME, TURNED_S = sys.argv[-2], float(sys.argv[-1])
 visit = Visit(NAME)
@@ -67,10 +67,7 @@ def picture():
 
 def compared(viewport, found: np.ndarray, size: tuple[int, int]) -> list[float]:
     """Share of pixels that differ by more than a grade of the screen from the CPU's preview, and the mean."""
-    import importlib
-
-    previews = importlib.import_module(f"{PACKAGE}.operators.render_engine.viewport_preview")
-    views = module("render_engine.viewport")
+    previews, views = module("render_engine.viewport_preview"), module("render_engine.viewport")
     area = clicks.area("VIEW_3D")
     view = area.spaces.active.region_3d
     octree = result().octree
@@ -199,9 +196,7 @@ def turned(seconds: float):
 
     Returns frames, saves, and each second the seconds so far and bytes of the process.
     """
-    from importlib import import_module
-
-    resident_bytes = import_module(f"{PACKAGE}.patchnet_addon.runtime.memory").resident_bytes
+    resident_bytes = engine("runtime.memory").resident_bytes
     overlay, path = bpy.context.window_manager.patchnet_overlay, str(OUT / f"{NAME}.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     start, frames, saves, taken = time.monotonic(), 0, 0, []

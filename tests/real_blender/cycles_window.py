@@ -21,7 +21,7 @@ sys.path.insert(1, str(Path(__file__).parents[1] / "blender"))
 import clicks
 import scene_snapshot
 import x_keys
-from visits import OUT, Visit, choose, module, open_tab, running
+from visits import OUT, Visit, choose, module, open_panels, open_tab, running, tabs
 
 PART = sys.argv[-1]
 SIZE = (48, 32)
@@ -127,12 +127,7 @@ def by_button() -> clicks.Session:
     """The button of the panel, then the same from a script, which waits for it."""
     area = clicks.area("VIEW_3D")
     keep = {"PATCHNET_PT_main", "PATCHNET_PT_cycles_refine"}
-    classes = [item for item in module("ui").CLASSES if hasattr(item, "bl_category")]
-    for item in reversed(classes):
-        bpy.utils.unregister_class(item)
-    for item in [each for each in classes if each.__name__ in keep]:
-        item.bl_options = set()
-        bpy.utils.register_class(item)
+    open_panels(keep)
     yield from open_tab()
     buttons = yield from clicks.find_buttons({"patchnet.refine_with_cycles"})
     before = state()
@@ -147,7 +142,7 @@ def by_button() -> clicks.Session:
     with bpy.context.temp_override(window=clicks.window(), area=area):
         seen["script"] = sorted(bpy.ops.patchnet.refine_with_cycles())
     seen["same pixels"] = {name: values == beside[name] for name, values in pixels().items()}
-    for item in [each for each in classes if each.__name__ not in keep]:
+    for item in [each for each in tabs() if each.__name__ not in keep]:
         bpy.utils.register_class(item)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, PACKAGE, Visit, choose, ends_of_renders, module, watched
+from visits import OUT, Visit, choose, ends_of_renders, engine, module, watched
 
 visit = Visit("engine")
 seen = visit.seen
@@ -35,9 +35,6 @@ def settle(viewport, what: str, seconds: float = 120.0):
 
 def preview():
     """Refining while the view stands still, starting anew when it moves, done in the end."""
-    import importlib
-
-    importlib.import_module(f"{PACKAGE}.operators.render_engine.viewport")
     show("RENDERED")
     viewports: list = []
     watched(viewports)
@@ -85,13 +82,11 @@ def sky(viewport):
 
 def engine_ended(viewport):
     """The engine process ends while it works on a picture, as another job's stop may end it."""
-    import importlib
-
     first = viewport._preview
     x, y = clicks.over_viewport()
     clicks.window().event_simulate(type="WHEELDOWNMOUSE", value="PRESS", x=x, y=y)
     yield from clicks.wait_for(lambda: viewport._preview is not first, "a preview begins")
-    begun, pid = viewport._preview, importlib.import_module(f"{PACKAGE}.patchnet_addon.process.computed").engine_pid()
+    begun, pid = viewport._preview, engine("process.computed").engine_pid()
     if pid is not None:
         os.kill(pid, signal.SIGKILL)
         yield from clicks.wait_for(lambda: viewport._preview is not begun, "a preview begins anew", 30.0)
@@ -172,7 +167,7 @@ def final_renders():
     yield 0.5
     frame, said = module("render_engine.render_frame"), []
     warn = frame.warn
-    frame.warn = lambda engine, text: (said.append(text), warn(engine, text))
+    frame.warn = lambda renderer, text: (said.append(text), warn(renderer, text))
     yield from rendered("render of old voxels")
     seen["said of old voxels"] = said
     bpy.ops.patchnet.clear_results()

@@ -16,7 +16,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
 import x_keys
-from visits import OUT, PACKAGE, Visit, choose, ends_of_renders, render
+from visits import OUT, Visit, choose, ends_of_renders, module, render
 
 SIZE = 960, 540  # minutes of work, where all pixels are refined
 
@@ -28,8 +28,6 @@ pictures: list = []
 
 def prepare() -> clicks.Session:
     """Voxels, a picture that would take minutes, and a note of how each render ends."""
-    from importlib import import_module
-
     choose(resolution="DEPTH", depth=6, scope="VISIBLE", light="two-lights")
     choose(color=True, strategy="ss-variance", refined_samples=1024.0, render_samples=0.0)
     for step in ("voxelize", "bake_light", "precompute_codes"):
@@ -38,7 +36,7 @@ def prepare() -> clicks.Session:
     settings = clicks.window().scene.render.image_settings
     settings.media_type = "MULTI_LAYER_IMAGE"
     settings.file_format, settings.color_depth, settings.exr_codec = "OPEN_EXR_MULTILAYER", "32", "NONE"
-    output = import_module(f"{PACKAGE}.operators.render_engine.render_frame")._Output
+    output = module("render_engine.render_frame")._Output
     take = output._take
 
     def taken(self, pixels):

@@ -94,10 +94,6 @@ class Blender:
             self._words(command), cwd=ROOT, capture_output=True, text=True, timeout=seconds, check=False
         )
 
-    def words(self) -> tuple[str, ...]:
-        """Command line that starts it, to be followed by Blender's arguments."""
-        return self._words((self.program,))
-
     def _words(self, command: tuple[str, ...]) -> tuple[str, ...]:
         variables = tuple(f"{name}={value}" for name, value in self.environment.items())
         return (*self.prefix, "env", *variables, *command)

@@ -6,7 +6,6 @@
 Writes OUT/killed.json. test_killed.py judges it.
 """
 
-import importlib
 import os
 import signal
 import sys
@@ -16,7 +15,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
 from killed_stages import STAGES
-from visits import PACKAGE, Heard, Visit, choose, module, press, result, running
+from visits import Heard, Visit, choose, engine, module, press, result, running
 
 SETTINGS = {
     "scope": "VISIBLE", "resolution": "DEPTH", "depth": 8, "size": (320, 240), "cameras": "Far", "max_samples": 8
@@ -24,7 +23,7 @@ SETTINGS = {
 
 visit = Visit("killed")
 seen = visit.seen
-process = importlib.import_module(f"{PACKAGE}.patchnet_addon.process.computed")
+process = engine("process.computed")
 
 
 class Killer:

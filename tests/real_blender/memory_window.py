@@ -6,7 +6,6 @@
 Writes OUT/memory.json: bytes of the process after each part, and what the panel says. test_memory.py judges them.
 """
 
-import importlib
 import math
 import sys
 from pathlib import Path
@@ -16,7 +15,7 @@ from mathutils import Quaternion
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import PACKAGE, Heard, Visit, choose, ends_of_renders, module, press, render, running
+from visits import Heard, Visit, choose, ends_of_renders, engine, module, press, render, running
 
 SETTINGS = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 9, "max_samples": 2, "cameras": "Middle"}
 
@@ -54,12 +53,12 @@ def close_windows() -> clicks.Session:
         yield 0.5
 
 
-def rendered(engine: str) -> clicks.Session:
+def rendered(by: str) -> clicks.Session:
     """F12, and the window with the picture closed again."""
     ended = ends_of_renders()
     clicks.window().scene.cycles.samples = 1
-    render(480, 270, engine)
-    yield from clicks.wait_for(lambda: bool(ended), f"the render by {engine} ends", 200.0)
+    render(480, 270, by)
+    yield from clicks.wait_for(lambda: bool(ended), f"the render by {by} ends", 200.0)
     yield 1.0
     yield from close_windows()
 
@@ -71,7 +70,7 @@ def preview() -> clicks.Session:
     yield from clicks.wait_for(lambda: not running(), "the job ends", 1200.0)  # kernels take a minute or more
     seen["steps"] = list(heard.labels)
     seen["compilers"] = sorted({"numba", "llvmlite"} & set(sys.modules))
-    seen["engine"] = importlib.import_module(f"{PACKAGE}.patchnet_addon.process.computed").engine_pid() is not None
+    seen["engine"] = engine("process.computed").engine_pid() is not None
     yield from measure("job")
 
 

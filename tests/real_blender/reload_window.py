@@ -10,14 +10,26 @@ Writes OUT/made.json and OUT/opened.json, a value for each thing that was seen. 
 import os
 import signal
 import sys
-import threading
 from pathlib import Path
 
 import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, Heard, Visit, choose, ends_of_renders, open_tab, press, render, result, running, side_box
+from visits import (
+    OUT,
+    Heard,
+    Visit,
+    choose,
+    ends_of_renders,
+    module,
+    open_tab,
+    press,
+    render,
+    result,
+    running,
+    side_box,
+)
 
 SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 6, "size": (96, 64), "cameras": "Far", "max_samples": 2}
 
@@ -75,8 +87,8 @@ def made() -> clicks.Session:
     yield 0.3
     seen["steps"] = yield from run("run_all")
     seen["told"] = told()
-    writing = [thread for thread in threading.enumerate() if thread.name == "PatchNet cache"]
-    yield from clicks.wait_for(lambda: not any(thread.is_alive() for thread in writing), "the octree is kept")
+    writing = module("session.octree_cache")._writing
+    yield from clicks.wait_for(lambda: not writing(), "the octree is kept")
     visit.save("made")
     os.kill(os.getpid(), signal.SIGKILL)
 

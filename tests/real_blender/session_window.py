@@ -9,14 +9,13 @@ Writes OUT/session.json, which test_session.py judges.
 import signal
 import sys
 import threading
-from importlib import import_module
 from pathlib import Path
 
 import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import PACKAGE, Heard, Visit, choose, ends_of_renders, press, render, running, watched
+from visits import PACKAGE, Heard, Visit, choose, ends_of_renders, engine, press, render, running, watched
 
 PATH_AT_START = sys.path[1:]
 SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 6, "size": (48, 32), "cameras": "Far", "budget": 0.1}
@@ -46,7 +45,6 @@ def used() -> clicks.Session:
     yield from clicks.wait_for(lambda: running(), "the job begins")
     yield from clicks.wait_for(lambda: not running(), "the job ends", 300.0)
     seen["told"] = heard.told
-    import_module(f"{PACKAGE}.operators.render_engine.viewport")
     clicks.window().scene.render.engine = "PATCHNET"
     viewports: list = []
     watched(viewports)
@@ -80,7 +78,7 @@ def session() -> clicks.Session:
     )  # fmt: skip
     seen["own modules"] = len(own)
     seen["threads"] = sorted(threads)
-    seen["engine"] = import_module(f"{PACKAGE}.patchnet_addon.process.computed").engine_pid() is not None
+    seen["engine"] = engine("process.computed").engine_pid() is not None
 
 
 visit.play(session(), pictures="NEVER")

@@ -17,8 +17,13 @@ _START = time.monotonic()
 
 
 def module(name: str) -> ModuleType:
-    """A module of the installed extension's `operators`, once it is imported."""
-    return sys.modules[f"{PACKAGE}.operators.{name}"]
+    """A module of the installed extension's `operators`."""
+    return import_module(f"{PACKAGE}.operators.{name}")
+
+
+def engine(name: str) -> ModuleType:
+    """A module of the installed extension's `patchnet_addon`."""
+    return import_module(f"{PACKAGE}.patchnet_addon.{name}")
 
 
 def running() -> str:
@@ -91,11 +96,11 @@ def tabs() -> list[type]:
     return [item for item in module("ui").CLASSES if hasattr(item, "bl_category")]
 
 
-def open_panels() -> None:
-    """All panels of the tab are open when they are drawn first; afterwards Blender remembers."""
+def open_panels(names: set[str] | None = None) -> None:
+    """Panels of the tab, all or those of these names, are open when they are drawn first; others are unregistered."""
     for item in reversed(tabs()):
         bpy.utils.unregister_class(item)
-    for item in tabs():
+    for item in [each for each in tabs() if names is None or each.__name__ in names]:
         item.bl_options = set()
         bpy.utils.register_class(item)
 
@@ -162,7 +167,7 @@ class Visit:
 
 def watched(viewports: list) -> None:
     """Keep every viewport that draws, to ask it for its state."""
-    kind = import_module(f"{PACKAGE}.operators.render_engine.viewport").Viewport
+    kind = module("render_engine.viewport").Viewport
     before = kind.draw
 
     def draw(self, *given):
