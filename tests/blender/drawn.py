@@ -8,8 +8,9 @@ import bpy
 from patchnet.operators import ui
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import SceneResult
+from patchnet.operators.settings.job_settings import TABLE
 from patchnet.operators.ui import presets_menu
-from patchnet.tests.blender.job_scene import SMALL
+from patchnet.tests.blender.job_scene import run_small
 
 
 class Layout:
@@ -37,13 +38,26 @@ def drawn(panel: type, **values: object) -> list[str]:
     return layout.texts
 
 
+TABS = [item for item in ui.CLASSES if item is not presets_menu.PATCHNET_PT_presets]
+
+
 def everything() -> str:
     """Drawing of all panels: what they show."""
-    classes = [item for item in ui.CLASSES if item is not presets_menu.PATCHNET_PT_presets]
-    return "\n".join(text for item in classes for text in drawn(item))
+    return "\n".join(text for item in TABS for text in drawn(item))
+
+
+def settings_drawn(panel: type) -> set[str]:
+    """Names of the scene's settings that a panel draws, whatever is chosen in others."""
+    values, found = bpy.context.scene.patchnet, set()
+    for chosen in ("light", "resolution", "importance"):
+        for value, _, _ in TABLE[chosen].choices:
+            setattr(values, chosen, value)
+            found |= set(drawn(panel)) & {*values.bl_rna.properties.keys(), "frame_start", "frame_end", "frame_step"}
+        values.property_unset(chosen)
+    return found
 
 
 def small_preview(**values: object) -> SceneResult:
     """Result of a small job by the button."""
-    assert bpy.ops.patchnet.run_all(**{"light": "two-lights", "reference": True, **SMALL, **values}) == {"FINISHED"}
+    run_small(**{"reference": True, **values})
     return results.voxels_of(bpy.context.scene)

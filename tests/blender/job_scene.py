@@ -20,7 +20,7 @@ from patchnet.operators.session.staleness import look_again
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.objects import cuboid
+from patchnet.tests.blender.objects import cuboid, slid
 
 SMALL = {"depth": 7, "size": (24, 16)}
 # A stand-in for the program Blender, where it is a Python module.
@@ -90,11 +90,8 @@ def build(light: bool = True, camera: bool = True) -> None:
 def moving_slab(folder: Path) -> Path:
     """The small scene, whose slab moves at its frames 1 to 3, as a .blend file."""
     build()
-    scene, slab = bpy.context.scene, bpy.data.objects["Slab"]
-    for frame, y in ((1, 0.0), (3, -0.8)):
-        slab.location.y = y
-        slab.keyframe_insert("location", frame=frame)
-    scene.frame_start, scene.frame_end = 1, 3
+    slid(bpy.data.objects["Slab"], {1: 0.0, 3: -0.8}, axis=1)
+    bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 3
     return saved(folder / "small.blend")
 
 

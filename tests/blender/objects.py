@@ -78,6 +78,14 @@ def look_from(place: Sequence[float], target: Sequence[float], name: str = "Eye"
     return eye
 
 
+def slid(item: bpy.types.Object, places: dict[int, float], axis: int = 0) -> None:
+    """Key an object's places along an axis, by frame."""
+    for frame, place in places.items():
+        item.location[axis] = place
+        item.keyframe_insert("location", index=axis, frame=frame)
+    bpy.context.view_layer.update()
+
+
 def collection_instance(
     collection: bpy.types.Collection, name: str = "Instance", location: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> bpy.types.Object:

@@ -176,15 +176,7 @@ def _tree(tree: bpy.types.NodeTree) -> dict[str, Any]:
 def _node(node: bpy.types.Node) -> dict[str, Any]:
     values = {socket.identifier: getattr(socket, "default_value", None) for socket in node.inputs}
     inputs = {key: tuple(value) if hasattr(value, "__len__") else str(value) for key, value in values.items()}
-    image = getattr(node, "image", None)
-    return {
-        "settings": _settings(node, 2),
-        "type": node.bl_idname,
-        "select": node.select,
-        "mute": node.mute,
-        "inputs": inputs,
-        "image": image.name_full if image else None,
-    }
+    return {"settings": _settings(node, 2), "inputs": inputs}
 
 
 def _mesh(mesh: bpy.types.Mesh) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.lod.depth import coarse_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.blender.objects import slid
 
 
 @pytest.fixture
@@ -194,9 +195,7 @@ def test_cameras_that_the_view_layer_leaves_out(
     scene.collection.objects.unlink(camera)
     collection.objects.link(camera)
     camera.parent, target.location, rig.scale = rig, (1.0, 2.0, 0.5), (2.0, 1.0, 1.0)
-    for frame, x in ((1, 0.0), (11, 10.0)):
-        rig.location.x = x
-        rig.keyframe_insert("location", frame=frame)
+    slid(rig, {1: 0.0, 11: 10.0})
     constraint = camera.constraints.new("TRACK_TO")
     constraint.target, constraint.track_axis, constraint.up_axis = target, "TRACK_NEGATIVE_Z", "UP_Y"
     scene.frame_set(4)

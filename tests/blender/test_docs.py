@@ -11,11 +11,8 @@ import bpy
 import pytest
 
 from patchnet.docs import make_commands, make_operators, make_walkthroughs
-from patchnet.operators import ui
 from patchnet.operators.overlay.panel import PATCHNET_PT_overlay
-from patchnet.operators.settings.job_settings import TABLE
-from patchnet.operators.ui import presets_menu
-from patchnet.tests.blender.drawn import drawn
+from patchnet.tests.blender.drawn import TABS, drawn, settings_drawn
 from patchnet.tests.blender.job_scene import build
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -55,17 +52,10 @@ def test_commands_page_is_what_the_script_makes() -> None:
 
 
 def settings_of_panels() -> dict[str, set[str]]:
-    """Names of the settings that each panel of the tab draws, whatever other settings are chosen; by its title."""
-    values, window = bpy.context.scene.patchnet, bpy.context.window_manager.patchnet_overlay
-    values.track = True
-    tabs = [panel for panel in ui.CLASSES if panel is not presets_menu.PATCHNET_PT_presets]
-    found: dict[str, set[str]] = {}
-    for chosen in ("resolution", "importance"):
-        for value, _, _ in TABLE[chosen].choices:
-            setattr(values, chosen, value)
-            for panel in tabs:
-                names = set(drawn(panel)) & set(values.bl_rna.properties.keys())
-                found.setdefault(panel.bl_label, set()).update(values.bl_rna.properties[name].name for name in names)
+    """Labels of the settings that each panel of the tab draws, whatever other settings are chosen; by its title."""
+    known, window = bpy.context.scene.patchnet.bl_rna.properties, bpy.context.window_manager.patchnet_overlay
+    bpy.context.scene.patchnet.track = True
+    found = {tab.bl_label: {known[name].name for name in settings_drawn(tab) if name in known} for tab in TABS}
     names = set(drawn(PATCHNET_PT_overlay, shown_by="show_viewport")) & set(window.bl_rna.properties.keys())
     found[PATCHNET_PT_overlay.bl_label] = {window.bl_rna.properties[name].name for name in names}
     return {title: settings for title, settings in found.items() if settings}

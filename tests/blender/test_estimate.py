@@ -8,13 +8,10 @@ from patchnet.operators.session import results
 from patchnet.operators.session.scene_session import session_of
 from patchnet.operators.ui.main import PATCHNET_PT_main
 from patchnet.tests.blender.drawn import drawn, small_preview
+from patchnet.tests.blender.objects import slid
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("scene")
-
-
-def update() -> None:
-    bpy.context.view_layer.update()
 
 
 def test_estimate(scene: bpy.types.Scene) -> None:
@@ -47,9 +44,7 @@ def test_estimate_of_a_track(scene: bpy.types.Scene) -> None:
     """Of all its frames, not of the present one."""
     scene.frame_start, scene.frame_end = 1, 30
     scene.camera.data.lens = 200.0
-    for frame, x in ((1, 0.5), (30, -1.5)):
-        scene.camera.location.x = x
-        scene.camera.keyframe_insert("location", frame=frame)
+    slid(scene.camera, {1: 0.5, 30: -1.5})
     scene.frame_set(1)
     wanted = {"resolution": "AUTO", "size": (96, 64), "light": "two-lights"}
     assert bpy.ops.patchnet.estimate(**wanted) == {"FINISHED"}
@@ -71,5 +66,5 @@ def test_estimate_becomes_stale_and_says_why(scene: bpy.types.Scene) -> None:
     assert "Estimate again: 'Voxel Detail' changed" in drawn(PATCHNET_PT_main)
     scene.patchnet.resolution = "AUTO"
     bpy.data.objects["Lath 2"].location.x += 0.1
-    update()
+    bpy.context.view_layer.update()
     assert "Estimate again: the scene may have changed" in drawn(PATCHNET_PT_main)

@@ -16,6 +16,7 @@ from patchnet.operators.ui.main import PATCHNET_PT_main
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.engine_scene import build_for_engine, passes_in
 from patchnet.tests.blender.job_scene import frames_of_calls, saved
+from patchnet.tests.blender.objects import slid
 
 
 @pytest.fixture
@@ -24,9 +25,7 @@ def walk(registered: None, weights: Path, tmp_path: Path) -> bpy.types.Scene:
     scene = build_for_engine(weights, tmp_path)
     scene.render.engine, scene.patchnet.resolution, scene.patchnet.render_samples = "CYCLES", "AUTO", 4.0
     scene.frame_start, scene.frame_end = 1, 3
-    for frame, x in ((1, 0.3), (3, 0.5)):
-        scene.camera.location.x = x
-        scene.camera.keyframe_insert("location", frame=frame)
+    slid(scene.camera, {1: 0.3, 3: 0.5})
     scene.frame_set(2)
     scene.render.filepath = str(tmp_path / "film" / "picture-")
     return scene
@@ -103,10 +102,7 @@ def test_room_for_the_frames_is_looked_for_before_the_bake(walk: bpy.types.Scene
 
 
 def test_what_moves_is_refused(walk: bpy.types.Scene) -> None:
-    lath = walk.objects["Lath 2"]
-    for frame, height in ((1, 0.0), (3, 0.1)):
-        lath.location.z = height
-        lath.keyframe_insert("location", frame=frame)
+    slid(walk.objects["Lath 2"], {1: 0.0, 3: 0.1}, axis=2)
     with pytest.raises(RuntimeError, match="change from frame to frame"):
         bpy.ops.patchnet.fly_through()
     assert results.result_of(walk) is None

@@ -17,7 +17,7 @@ from patchnet.patchnet_addon.sampling.passes import NO_DEPTH
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.blender.engine_scene import build_for_engine, camera, kept, passes_in, rendered
 from patchnet.tests.blender.job_scene import frames_of_calls
-from patchnet.tests.blender.objects import geometry_nodes
+from patchnet.tests.blender.objects import geometry_nodes, slid
 
 
 @pytest.fixture(autouse=True)
@@ -60,13 +60,13 @@ def test_a_moving_camera_reuses_the_octree_and_a_moving_lath_does_not(
     made = frames_of_calls(monkeypatch, frame_octree, "build_lit_octree")
     scene.frame_start, scene.frame_end = 1, 3
     folder = Path(scene.render.filepath).parent
-    _keys(scene.camera, [(1, 0.3), (3, 0.8)])
+    slid(scene.camera, {1: 0.3, 3: 0.8})
     bpy.ops.render.render(animation=True)
     assert made == [1]
     first, last = (passes_in(folder / f"picture-{number:04d}.exr") for number in (1, 3))
     assert not np.array_equal(first["Level"], last["Level"])
     made.clear()
-    _keys(scene.objects["Lath 2"], [(1, 0.0), (2, 0.1), (3, 0.1)])
+    slid(scene.objects["Lath 2"], {1: 0.0, 2: 0.1, 3: 0.1})
     bpy.ops.render.render(animation=True)
     assert made == [1, 2]
     moved = passes_in(folder / "picture-0003.exr")
@@ -98,13 +98,13 @@ def test_automatic_voxels_serve_the_camera_at_all_frames(
     scene.objects["Slab"].scale = (0.25, 1.0, 0.25)
     scene.camera.data.lens = 480.0
     scene.frame_start, scene.frame_end = 1, 3
-    _keys(scene.camera, [(1, 0.3), (3, 0.5)])
+    slid(scene.camera, {1: 0.3, 3: 0.5})
     scene.frame_set(1)
     rendered(scene)
     bpy.ops.render.render(animation=True)
     still, whole = made
     assert share_ahead(scene, whole) > 0.95 > 0.8 > share_ahead(scene, still)
-    _keys(scene.objects["Lath 2"], [(1, 0.0), (3, 0.001)])
+    slid(scene.objects["Lath 2"], {1: 0.0, 3: 0.001})
     bpy.ops.render.render(animation=True)
     assert len(made) == 5 and max(octree.leaf_count for octree in made[2:]) < whole.leaf_count
 
@@ -115,7 +115,7 @@ def test_a_frame_alone_is_that_of_the_animation(scene: bpy.types.Scene) -> None:
     scene.objects["Slab"].scale = (0.25, 1.0, 0.25)
     scene.camera.data.lens = 480.0
     scene.frame_start, scene.frame_end = 1, 4
-    _keys(scene.camera, [(1, 0.3), (4, 0.6)])
+    slid(scene.camera, {1: 0.3, 4: 0.6})
     folder = Path(scene.render.filepath).parent
     bpy.ops.render.render(animation=True)
     whole, leaves = passes_in(folder / "picture-0003.exr"), kept(scene).octree.leaf_count
@@ -174,13 +174,6 @@ def share_ahead(scene: bpy.types.Scene, octree: Octree) -> float:
         assert hits.hit.mean() > 0.1
         shares.append(float(octree.look_ahead()[hits.node[hits.hit]].mean()))
     return min(shares)
-
-
-def _keys(item: bpy.types.Object, places: list[tuple[int, float]]) -> None:
-    for frame, x in places:
-        item.location.x = x
-        item.keyframe_insert("location", index=0, frame=frame)
-    bpy.context.view_layer.update()
 
 
 @pytest.mark.parametrize("moving", [True, False], ids=["all of it", "the world alone"])

@@ -40,7 +40,7 @@ from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_sha
 from patchnet.patchnet_addon.surface.texture_lookup import BaseColors
 from patchnet.patchnet_addon.surface.textures import TextureTable
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera, camera_in_unit_cube
-from patchnet.patchnet_addon.tracing.pixel_filter import BLACKMAN_HARRIS, GAUSSIAN, PixelFilter, rook_places
+from patchnet.patchnet_addon.tracing.pixel_filter import BLACKMAN_HARRIS, BOX_FILTER, GAUSSIAN, PixelFilter, rook_places
 from patchnet.patchnet_addon.tracing.render import first_hits, seen_above_white, seen_color
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.gpu_context import with_gpu
@@ -52,6 +52,7 @@ from patchnet.training.commands.benches.gpu import compare_estimates, compare_wi
 pytestmark = pytest.mark.usefixtures("registered")
 
 SIZE = 256, 256
+MIDDLE = np.full((3, 2), 0.5)  # of a pixel, for three rays
 
 
 @pytest.fixture(scope="module")
@@ -90,15 +91,22 @@ def cameras() -> list[Camera]:
     ]
 
 
+def card_of(octree: Octree, *shaders: str, coded: CodedOctree | None = None) -> CardOctree:
+    """The octree on the card, with its codes, and shaders."""
+    card = CardOctree(BlenderDevice(), octree)
+    drain(card.upload(octree))
+    if coded is not None:
+        drain(card.upload_codes(coded))
+    drain(card.compile(*shaders))
+    return card
+
+
 def on_card(coded: CodedOctree, cameras: list[Camera]) -> list[tuple[np.ndarray, ...]]:
     """Nodes (H, W) uint32, what the decoder and the estimator write (H, W, 4), of each camera."""
 
     def work() -> Iterator[tuple[np.ndarray, ...]]:
-        device = BlenderDevice()
-        card = CardOctree(device, coded.octree)
-        drain(card.upload(coded.octree))
-        drain(card.upload_codes(coded))
-        drain(card.compile("hits", "decoder", "estimate"))
+        card = card_of(coded.octree, "hits", "decoder", "estimate", coded=coded)
+        device = card.device
         for camera in cameras:
             unit = camera_in_unit_cube(camera, coded.octree.grid)
             hits = card.hit_images(unit)
@@ -208,47 +216,30 @@ def test_partial_opacity_is_the_share_of_rays_on_the_card() -> None:
 
 def exact_on_card(octree: Octree, camera: Camera, finer: float) -> np.ndarray:
     """Picture (P, 4) of one ray a pixel, as wide on voxels as a pixel over `finer`."""
+    return picture_on_card(octree, camera, places=MIDDLE[:1], finer=finer, footprint=finer)
+
+
+def picture_on_card(
+    octree: Octree, camera: Camera, world: CubeMap | np.ndarray | None = None, pixel_filter: PixelFilter = BOX_FILTER,
+    *, places: np.ndarray = MIDDLE, finer: float = 1.0, footprint: float = 1.0,
+) -> np.ndarray:  # fmt: skip
+    """Mean (P, 4) of rays at places (N, 2) of each pixel, as wide on voxels as a pixel over `finer`.
+
+    footprint: of a ray on textures over that on voxels.
+    """
 
     def work() -> np.ndarray:
-        device = BlenderDevice()
-        card = CardOctree(device, octree)
-        drain(card.upload(octree))
-        drain(card.compile("picture", "film"))
-        unit = camera_in_unit_cube(camera, octree.grid).finer(finer)
-        images = tuple(device.image(unit.width_px, unit.height_px, FLOATS) for _ in range(3))
-        samples, behind = Samples.of(device, PixelFilter(), np.full((1, 2), 0.5)), device.texture(world_words(None)[0])
-        card.draw(unit, images, (behind, 0), samples, 0, finer)
-        return device.read(images[2], FLOATS).reshape(-1, 4)
+        card = card_of(octree, "picture", "film")
+        device, unit = card.device, camera_in_unit_cube(camera, card.grid).finer(finer)
+        seen, one, two = (device.image(unit.width_px, unit.height_px, FLOATS) for _ in range(3))
+        words, side = world_words(world)
+        behind, samples = (device.texture(words), side), Samples.of(device, pixel_filter, places)
+        for number in range(len(places)):
+            card.draw(unit, (seen, one, two), behind, samples, number, footprint)
+            one, two = two, one
+        return device.read(one, FLOATS).reshape(-1, 4)
 
     return with_gpu(work)
-
-
-def colors_on_card(octree: Octree, camera: Camera, world: CubeMap | np.ndarray | None) -> np.ndarray:
-    """Picture (P, 4) of one sample a pixel, and of two more after it, through a box."""
-
-    def work() -> np.ndarray:
-        device = BlenderDevice()
-        card = CardOctree(device, octree)
-        drain(card.upload(octree))
-        drain(card.compile("picture", "film"))
-        samples = Samples.of(device, PixelFilter(), np.full((3, 2), 0.5))
-        return mean_on_card(card, camera, world, samples)
-
-    return with_gpu(work)
-
-
-def mean_on_card(card: CardOctree, camera: Camera, world: CubeMap | np.ndarray | None, samples: Samples) -> np.ndarray:
-    """Mean (P, 4) of all samples."""
-    device, unit = card.device, camera_in_unit_cube(camera, card.grid).finer(16)
-    if len(samples.places) == 3:
-        unit = camera_in_unit_cube(camera, card.grid)
-    seen, one, two = (device.image(unit.width_px, unit.height_px, FLOATS) for _ in range(3))
-    words, side = world_words(world)
-    behind = device.texture(words), side
-    for number in range(len(samples.places)):
-        card.draw(unit, (seen, one, two), behind, samples, number)
-        one, two = two, one
-    return device.read(one, FLOATS).reshape(-1, 4)
 
 
 @pytest.mark.parametrize(
@@ -259,16 +250,9 @@ def test_pictures_through_a_filter_are_those_of_the_kernels(yard: CodedOctree, p
     picture = AdaptivePicture(octree, camera, None, pixel_filter=pixel_filter)
     drain(picture.trace())
     drain(picture.sample_evenly(4))
-
-    def work() -> np.ndarray:
-        device = BlenderDevice()
-        card = CardOctree(device, octree)
-        drain(card.upload(octree))
-        drain(card.compile("picture", "film"))
-        places = np.random.default_rng(0).permutation(rook_places(4))
-        return mean_on_card(card, camera, None, Samples.of(device, pixel_filter, places))
-
-    found, expected = with_gpu(work), np.concatenate([picture.colors / octree.exposure, picture.alpha[:, None]], axis=1)
+    places = np.random.default_rng(0).permutation(rook_places(4))
+    found = picture_on_card(octree, camera, None, pixel_filter, places=places, finer=16)
+    expected = np.concatenate([picture.colors / octree.exposure, picture.alpha[:, None]], axis=1)
     off = np.abs(found - expected).max(axis=1)
     assert (off > 1 / 255).mean() <= 3e-3 and off.mean() < 1e-4
 
@@ -278,7 +262,7 @@ def test_colors_and_the_world_behind_are_those_of_the_kernels(yard: CodedOctree,
     octree, camera = yard.octree, cameras()[0].with_size(256, 192)
     faces = np.random.default_rng(2).uniform(0, 2, (6, 8, 8, 3)).astype(np.float16)
     world = {"map": CubeMap(faces), "color": np.array([0.25, 0.5, 1.0], np.float32), "transparent": None}[kind]
-    found, hits = colors_on_card(octree, camera, world), first_hits(octree, camera)
+    found, hits = picture_on_card(octree, camera, world), first_hits(octree, camera)
     colors = seen_color(octree, hits.node, hits.direction) + seen_above_white(octree, hits)
     if world is not None:
         behind = world.look(pixel_directions(camera)) if isinstance(world, CubeMap) else world
@@ -291,11 +275,8 @@ def heat_on_card(coded: CodedOctree, camera: Camera, kind: int) -> np.ndarray:
     """Heatmap (P, 4) of a view, whose ramp is gray and ends at 1."""
 
     def work() -> np.ndarray:
-        device = BlenderDevice()
-        card = CardOctree(device, coded.octree)
-        drain(card.upload(coded.octree))
-        drain(card.upload_codes(coded))
-        drain(card.compile("hits", "decoder", "heat"))
+        card = card_of(coded.octree, "hits", "decoder", "heat", coded=coded)
+        device = card.device
         unit = camera_in_unit_cube(camera, coded.octree.grid)
         hits, (decoded, heat) = card.hit_images(unit), (device.image(*SIZE, FLOATS) for _ in range(2))
         card.trace(unit, hits)
@@ -326,11 +307,8 @@ def test_live_priority_is_by_the_estimator_or_the_paper(yard: CodedOctree) -> No
     plus, paper, no_ray = (STRATEGIES[name] for name in ("patchnet-plus", "patchnet", "patchnet-plus-0"))
 
     def work() -> tuple[np.ndarray, np.ndarray, list[list[str]]]:
-        device = BlenderDevice()
-        card = CardOctree(device, yard.octree)
-        drain(card.upload(yard.octree))
-        drain(card.upload_codes(yard))
-        drain(card.compile("hits", "decoder", "estimate", "heat"))
+        card = card_of(yard.octree, "hits", "decoder", "estimate", "heat", coded=yard)
+        device = card.device
         assert strategy_on_card(no_ray, card) == (no_ray, "Priority by PatchNet Plus, no ray")
         assert strategy_on_card(paper, card) == (paper, "Priority by PatchNet (paper)")
         ranked_by, said = strategy_on_card(plus, card)

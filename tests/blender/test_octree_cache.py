@@ -12,6 +12,7 @@ from patchnet.operators.session import octree_cache, results
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.operators.session.staleness import look_again
 from patchnet.tests.blender.job_scene import SMALL, build, saved
+from patchnet.tests.blender.objects import slid
 
 CYCLES = {"light": "cycles", "max_samples": 2, **SMALL}
 
@@ -94,10 +95,8 @@ def test_damage_is_a_result_that_is_not_there(file: Path, tmp_path: Path) -> Non
 
 def test_a_frame_of_an_animation_finds_what_was_baked_for_it(file: Path, tmp_path: Path, bakes: list[str]) -> None:
     """Also where the file was saved at another frame."""
-    scene, lath = bpy.context.scene, bpy.data.objects["Lath 2"]
-    for frame in (1, 9):
-        lath.location.z = 0.1 * frame
-        lath.keyframe_insert("location", frame=frame)
+    scene = bpy.context.scene
+    slid(bpy.data.objects["Lath 2"], {1: 0.1, 9: 0.9}, axis=2)
     values = scene.patchnet
     values.light, values.samples, values.resolution, values.depth, values.gloss = "cycles", 1, "DEPTH", 5, "off"
     scene.frame_set(5)

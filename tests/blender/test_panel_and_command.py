@@ -9,16 +9,14 @@ import pytest
 
 from patchnet.commands import run
 from patchnet.commands.shared.job_arguments import job_settings
-from patchnet.operators import ui
 from patchnet.operators.properties.job import scene_settings
 from patchnet.operators.properties.preferences import PatchNetPreferences
 from patchnet.operators.properties.stages import DerivedProperties
 from patchnet.operators.render_engine.panels import PATCHNET_PT_render_refinement
 from patchnet.operators.settings.groups import SurfaceSettings, ViewSettings
 from patchnet.operators.settings.job_settings import TABLE
-from patchnet.operators.ui.presets_menu import PATCHNET_PT_presets
 from patchnet.patchnet_addon.runtime.errors import SettingError
-from patchnet.tests.blender.drawn import drawn
+from patchnet.tests.blender.drawn import TABS, drawn, settings_drawn
 from patchnet.tests.blender.job_scene import build
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -61,18 +59,10 @@ def properties_of(argument: str) -> set[str]:
 
 def drawn_settings() -> set[str]:
     """Names of the settings that the tab's panels show, whatever is chosen in them."""
-    values, texts = bpy.context.scene.patchnet, set()
     for name in DerivedProperties.__annotations__:
         if name.startswith("use_"):
-            setattr(values, name, True)  # its number is shown
-    for light in ("cycles", "two-lights"):
-        for resolution in ("AUTO", "DEPTH", "VOXEL_SIZE"):
-            for importance in ("NONE", "IMAGE", "VERTEX_GROUP"):
-                values.light, values.resolution, values.importance = light, resolution, importance
-                for panel in ui.CLASSES:
-                    texts |= set(drawn(panel)) if panel is not PATCHNET_PT_presets else set()
-    frames = {"frame_start", "frame_end", "frame_step"}
-    return {text for text in texts if text in values.bl_rna.properties or text in frames}
+            setattr(bpy.context.scene.patchnet, name, True)  # its number is shown
+    return set().union(*map(settings_drawn, TABS))
 
 
 def test_every_argument_is_in_the_panel() -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from patchnet.operators.state.scene_state import scene_state
 from patchnet.tests.blender.job_scene import box, principled, result, run_small
+from patchnet.tests.blender.objects import slid
 
 pytestmark = pytest.mark.usefixtures("scene")
 
@@ -286,10 +287,7 @@ def test_table_of_what_is_said_and_taken_back() -> None:
 
 
 def key_and_go() -> None:
-    item = bpy.data.objects["Lath 2"]
-    for frame in (1, 9):
-        item.location.z = frame
-        item.keyframe_insert("location", frame=frame)
+    slid(bpy.data.objects["Lath 2"], {1: 1.0, 9: 9.0}, axis=2)
     bpy.context.scene.frame_set(5)
 
 

@@ -21,6 +21,7 @@ from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.tests.blender.engine_scene import build_for_engine, kept, passes_in
 from patchnet.tests.blender.job_scene import QUICK, frames_of_calls, saved
+from patchnet.tests.blender.objects import slid
 
 PASSES = "Combined", "Level", "Depth"
 
@@ -36,15 +37,8 @@ def walk(
     scene.patchnet.resolution, scene.patchnet.track = "AUTO", True
     scene.objects["Slab"].scale, scene.camera.data.lens = (0.25, 1.0, 0.25), 480.0
     scene.frame_start, scene.frame_end = 1, 4
-    _moved(scene, 0.3)
+    slid(scene.camera, {1: 0.3, 4: 0.6})
     return opened(saved(tmp_path / "walk.blend"))
-
-
-def _moved(scene: bpy.types.Scene, distance: float) -> None:
-    eye = scene.camera
-    for frame, x in ((1, 0.3), (4, 0.3 + distance)):
-        eye.location.x = x
-        eye.keyframe_insert("location", frame=frame)
 
 
 def opened(path: Path) -> bpy.types.Scene:
@@ -133,7 +127,7 @@ def test_voxels_made_in_one_way_are_found_in_all(
 def test_another_path_of_the_camera_gets_other_voxels(walk: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     made = frames_of_calls(monkeypatch, frame_octree, "build_lit_octree")
     pictures(walk, "before")
-    _moved(walk, 0.6)
+    slid(walk.camera, {1: 0.3, 4: 0.9})
     path = saved(Path(bpy.data.filepath))
     pictures(opened(path), "after")
     assert made == [1, 1]
@@ -192,7 +186,7 @@ def test_more_samples_alone_fit_nothing_anew(walk: bpy.types.Scene, monkeypatch:
     layout, count = results.result_of(walk).layout, len(fitted)
     assert bpy.ops.patchnet.run_all(max_samples=4, **call) == {"FINISHED"}
     assert results.result_of(walk).layout is layout and len(fitted) == count
-    _moved(walk, 0.7)
+    slid(walk.camera, {1: 0.3, 4: 1.0})
     assert bpy.ops.patchnet.run_all(max_samples=4, **call) == {"FINISHED"}
     assert results.result_of(walk).layout is not layout
 

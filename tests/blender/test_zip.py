@@ -70,12 +70,6 @@ def test_the_extension_starts_no_other_program_than_blender(names: set[str]) -> 
     assert starters == STARTERS, "the platform takes what starts Blender alone: see docs/extensions-platform.md"
 
 
-def test_commands_of_blender_are_in_the_zip(names: set[str]) -> None:
-    from patchnet.commands.blender_command import NAMES
-
-    assert {f"commands/{name.replace('-', '_')}.py" for name in NAMES} <= names
-
-
 @pytest.mark.parametrize(
     ("more", "wrong"),
     [
