@@ -12,11 +12,10 @@ import pytest
 
 import patchnet
 from patchnet.__main__ import leave
-from patchnet.operators.cycles.bake import baker
-from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.patchnet_addon.light import surfel_cache
 from patchnet.patchnet_addon.runtime.cache_folder import user_cache_folder
 from patchnet.tests.blender.job_scene import build, moving_slab, random_weights
+from patchnet.tests.blender.light_scene import on_bake
 
 _status = pytest.StashKey[int]()
 os.environ["PATCHNET_KEEP"] = "0"  # a test finds no octree of another one; test_octree_cache.py asks for some
@@ -87,13 +86,7 @@ def empty_scene() -> None:
 def bakes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names of what Blender's bake is called for while a test runs."""
     seen: list[str] = []
-    run = baker.bake_now
-
-    def count(context: bpy.types.Context, target: BakeTarget) -> None:
-        seen.append(target.item.name)
-        run(context, target)
-
-    monkeypatch.setattr(baker, "bake_now", count)
+    on_bake(monkeypatch, lambda target: seen.append(target.item.name))
     return seen
 
 

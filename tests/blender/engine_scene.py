@@ -9,12 +9,10 @@ import numpy as np
 
 from patchnet.operators.render_engine.engine import ENGINE
 from patchnet.operators.render_engine.passes import PASSES
-from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.patchnet_addon.image.exr import read_exr
-from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.blender.job_scene import build
 
 WIDTH, HEIGHT = 40, 26
@@ -40,11 +38,6 @@ def build_for_engine(weights: Path, folder: Path) -> bpy.types.Scene:
     exact_passes(render.image_settings)
     render.filepath = str(folder / "picture-")
     return scene
-
-
-def camera() -> Camera:
-    """The open scene's camera, as the engine looks through it."""
-    return choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
 
 
 def kept(scene: bpy.types.Scene) -> SceneResult:

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A small scene for whole jobs of one or two seconds: laths before a slab, a lamp, a camera."""
 
-import json
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -23,13 +21,6 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.objects import cuboid, slid
 
 SMALL = {"depth": 7, "size": (24, 16)}
-# A stand-in for the program Blender, where it is a Python module.
-SHIM = """#!/bin/sh
-test "$1 $2" = "--command patchnet" || exit 99
-shift 2
-exec {python} -c 'import os, sys, bpy; from patchnet.commands.blender_command import execute
-code = execute(sys.argv[1:]); sys.stdout.flush(); os._exit(code)' "$@"
-"""
 QUICK = ["--light", "two-lights", "--size", "16", "16", "--depth", "5"]  # words of a command
 
 
@@ -44,15 +35,6 @@ def frames_of_calls(monkeypatch: pytest.MonkeyPatch, module: ModuleType, name: s
 
     monkeypatch.setattr(module, name, noted)
     return frames
-
-
-def check_walk(out: Path, reference: int) -> None:
-    """Check the files of frames 1 and 3, which share an exposure, and their report."""
-    assert sorted(path.name for path in out.iterdir()) == ["frame-0001", "frame-0003", "report.json"]
-    report = json.loads((out / "report.json").read_text())
-    assert report["complete"] and report["reference"] == reference
-    assert [entry["frame"] for entry in report["frames"]] == [1, 3]
-    assert len({entry["exposure"] for entry in report["frames"]}) == 1
 
 
 def box(name: str, low: tuple[float, float, float], high: tuple[float, float, float], gray: float) -> bpy.types.Object:
@@ -93,14 +75,6 @@ def moving_slab(folder: Path) -> Path:
     slid(bpy.data.objects["Slab"], {1: 0.0, 3: -0.8}, axis=1)
     bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 3
     return saved(folder / "small.blend")
-
-
-def stand_in_for_blender(folder: Path) -> Path:
-    """A program that has Blender's command `patchnet`, which Blender as a Python module lacks."""
-    program = folder / "blender"
-    program.write_text(SHIM.format(python=sys.executable))
-    program.chmod(0o755)
-    return program
 
 
 def read_until(process: subprocess.Popen[bytes], text: bytes) -> None:

@@ -5,7 +5,7 @@ The surface that is compared lies at z = 0 within [-1, 1]^2. The camera looks st
 all that shadows it, so that picture and bake show the same surface.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from patchnet.operators.computing.octrees import LitSurface
-from patchnet.operators.cycles.bake import BakeJob, EachRound, bake_light
+from patchnet.operators.cycles.bake import BakeJob, bake_light, baker
+from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.cycles.bake.bake_job import begin
 from patchnet.operators.cycles.bake.baker import SurfelBaker
 from patchnet.operators.cycles.camera_render import render_reference
@@ -112,19 +113,25 @@ def job_on(
     return BakeJob(bpy.context, source, clipped, grid, looking, light, LOOKAHEAD, state=state)
 
 
-def bake_on(source: SceneMesh, light: LightSettings, depth: int = 5) -> Baked:
-    """Bake the light of a surface of the open scene."""
-    job = job_on(source, light, depth)
+def finished(job: BakeJob) -> Baked:
+    """Bake to the end."""
     return Baked(job.source, job.clipped, drain(bake_light(job)))
 
 
-def bake(
-    scope: str = "VISIBLE", depth: int = 5, cameras: Sequence[str] = (), state: str = "",
-    each_round: EachRound | None = None, **light: object,
-) -> Baked:  # fmt: skip
-    """Bake the light of the open scene, see `bake_job`. Without a state, nothing is kept."""
-    job = bake_job(scope, depth, cameras, state, **light)
-    return Baked(job.source, job.clipped, drain(bake_light(job, each_round)))
+def bake(scope: str = "VISIBLE", depth: int = 5, cameras: Sequence[str] = (), **light: object) -> Baked:
+    """Bake the light of the open scene, see `bake_job`; nothing is kept."""
+    return finished(bake_job(scope, depth, cameras, **light))
+
+
+def on_bake(monkeypatch: pytest.MonkeyPatch, see: Callable[[BakeTarget], object]) -> None:
+    """Call a function with each target before Blender bakes it, while a test runs."""
+    run = baker.bake_now
+
+    def seen(context: bpy.types.Context, target: BakeTarget) -> None:
+        see(target)
+        run(context, target)
+
+    monkeypatch.setattr(baker, "bake_now", seen)
 
 
 class BakedSurfels(NamedTuple):
@@ -172,11 +179,6 @@ class Comparison:
     def bright(self) -> float:
         """The brightest region's luminance."""
         return float(self.rendered.max())
-
-    @property
-    def agrees(self) -> bool:
-        """Within four standard deviations, and 1 % of the brightest region for what shadow edges fall on cells."""
-        return bool((np.abs(self.baked - self.rendered) < 4.0 * self.noise + 0.01 * self.bright).all())
 
 
 def lit(**settings: object) -> LitOctree:
@@ -247,7 +249,9 @@ def assert_agrees(found: Comparison, contrast: float = 0.0) -> None:
     noise = found.noise.max() / found.bright
     assert noise < 0.015, f"{noise:.1%} noise are too much to compare: take more samples"
     assert 1.0 - found.rendered.min() / found.bright >= contrast, "the light must be uneven"
-    assert found.agrees, f"\nbaked\n{found.baked.round(3)}\nrendered\n{found.rendered.round(3)}"
+    # Within four standard deviations, and 1 % of the brightest region for what shadow edges fall on cells.
+    agrees = np.abs(found.baked - found.rendered) < 4.0 * found.noise + 0.01 * found.bright
+    assert agrees.all(), f"\nbaked\n{found.baked.round(3)}\nrendered\n{found.rendered.round(3)}"
 
 
 def assert_mean_of_views(paint: bpy.types.Material, samples: int, *, paths: int = 16, rel: float) -> BakedSurfels:

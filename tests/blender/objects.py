@@ -4,10 +4,13 @@
 from collections.abc import Sequence
 
 import bpy
+import numpy as np
 from mathutils import Vector
 
+from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
+from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.blender.shaders import grey
 
 SQUARE = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
@@ -84,6 +87,12 @@ def slid(item: bpy.types.Object, places: dict[int, float], axis: int = 0) -> Non
         item.location[axis] = place
         item.keyframe_insert("location", index=axis, frame=frame)
     bpy.context.view_layer.update()
+
+
+def active_camera(size: tuple[int, int] = (0, 0)) -> Camera:
+    """The open scene's active camera, for pictures of a size, by default of the render's."""
+    (camera,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), size, np.zeros((2, 3)))
+    return camera
 
 
 def collection_instance(

@@ -12,7 +12,7 @@ from patchnet.operators.scene_access.devices import gpu_is_enabled
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
-from patchnet.tests.blender.light_scene import bake, bake_job, bake_surfels
+from patchnet.tests.blender.light_scene import bake, bake_job, bake_surfels, on_bake
 from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, corners, lamp, link, look_from, mesh
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import added, material, read_by, shader, shown, simple
@@ -225,11 +225,11 @@ def test_scene_is_unchanged_after_cancel_and_error(monkeypatch: pytest.MonkeyPat
     steps.close()
     assert_unchanged(before)
 
-    def fail(context: bpy.types.Context, target: BakeTarget) -> None:
+    def fail(target: BakeTarget) -> None:
         assert target.item.name in target.scene.objects
         raise RuntimeError("the device is gone")
 
-    monkeypatch.setattr(baker, "bake_now", fail)
+    on_bake(monkeypatch, fail)
     with pytest.raises(RuntimeError, match="device"):
         drain(bake_light(small_job()))
     assert_unchanged(before)
@@ -250,13 +250,7 @@ def test_gpus_bake_where_they_are_enabled(enabled: bool, monkeypatch: pytest.Mon
     """Device that Cycles is asked for; without a GPU it takes the processor all the same."""
     before = user_scene()
     devices = []
-    run = baker.bake_now
-
-    def look(context: bpy.types.Context, target: BakeTarget) -> None:
-        devices.append(target.scene.cycles.device)
-        run(context, target)
-
-    monkeypatch.setattr(baker, "bake_now", look)
+    on_bake(monkeypatch, lambda target: devices.append(target.scene.cycles.device))
     monkeypatch.setattr(baker, "bakes_on_gpu", lambda context, device: enabled or gpu_is_enabled(context))
     drain(bake_light(small_job()))
     assert set(devices) == {"GPU" if enabled or gpu_is_enabled(bpy.context) else "CPU"}

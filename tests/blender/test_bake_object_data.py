@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
+from patchnet.tests.blender.job_scene import pixels_of
 from patchnet.tests.blender.light_scene import (
     BakedSurfels,
     assert_agrees,
@@ -92,9 +93,7 @@ def own_bake(item: bpy.types.Object, side: int = 64) -> np.ndarray:
     bpy.context.scene.cycles.samples = 64
     with bpy.context.temp_override(active_object=item, object=item, selected_objects=[item]):
         bpy.ops.object.bake(type="EMIT", margin=0)
-    pixels = np.empty(side * side * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    return pixels.reshape(side, side, 4)[..., :3] @ REC709
+    return pixels_of(image)[..., :3] @ REC709
 
 
 def between_texels(image: np.ndarray, places: np.ndarray) -> np.ndarray:

@@ -7,14 +7,13 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.patchnet_addon.octree.file import octree_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.tests.blender.job_scene import box, render_by_cycles
 from patchnet.tests.blender.light_scene import lit
-from patchnet.tests.blender.objects import lamp, look_from
+from patchnet.tests.blender.objects import active_camera, lamp, look_from
 from patchnet.tests.blender.shaders import image
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -93,10 +92,7 @@ def test_luminance_is_the_same_with_and_without_colour(light: str) -> None:
 
 def test_pictures_agree_with_cycles_in_each_region(tmp_path: Path) -> None:
     octree = lit(depth=7, max_samples=64, color=True).octree
-    (camera,) = choose_cameras(
-        bpy.context.evaluated_depsgraph_get(), (), SIZE, octree.grid.to_world(np.array([[0.0] * 3, [1.0] * 3]))
-    )
-    buffers = drain(trace_view(octree, camera, [STRATEGIES["optimal"]]))
+    buffers = drain(trace_view(octree, active_camera(SIZE), [STRATEGIES["optimal"]]))
     assert buffers.preview_color is not None and buffers.reference_color is not None
     cycles = render_by_cycles(tmp_path / "cycles.exr", SIZE, 256)[..., :3] * octree.exposure
     for colors in (buffers.preview_color, buffers.reference_color):

@@ -14,7 +14,6 @@ from patchnet.operators.cycles import pixel_renders as renders
 from patchnet.operators.cycles import scene_copy
 from patchnet.operators.pipeline.cycles_refine import refine_view, wanted_surface
 from patchnet.operators.pipeline.run import JobResult, run_job
-from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.schema.values import COMBINED
 from patchnet.operators.session import results
 from patchnet.operators.settings.cycles_settings import CyclesSettings
@@ -26,6 +25,7 @@ from patchnet.patchnet_addon.tracing.pixel_filter import EVEN_FOOTPRINT
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.full_scene import build_full
 from patchnet.tests.blender.job_scene import box, build, drop_result_images, principled
+from patchnet.tests.blender.objects import active_camera
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -111,9 +111,7 @@ def special_scene() -> None:
 
 def test_pixels_that_only_cycles_shows_are_rendered_first(weights: Path) -> None:
     special_scene()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    (camera,) = choose_cameras(depsgraph, ["Eye"], SIZE, np.zeros((2, 3)))
-    wanted = wanted_pixels(wanted_surface(depsgraph), camera).mask
+    wanted = wanted_pixels(wanted_surface(bpy.context.evaluated_depsgraph_get()), active_camera(SIZE)).mask
     alone = {}
     for name in ("Mirror", "Pane", "Mist"):
         others = [item for item in bpy.context.scene.objects if item.type == "MESH" and item.name != name]
@@ -141,9 +139,7 @@ def test_pixels_that_only_cycles_shows_are_rendered_first(weights: Path) -> None
 
 def test_what_fills_the_picture_is_wanted_from_inside() -> None:
     special_scene()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    (camera,) = choose_cameras(depsgraph, ["Eye"], SIZE, np.zeros((2, 3)))
-    surface = wanted_surface(depsgraph)
+    camera, surface = active_camera(SIZE), wanted_surface(bpy.context.evaluated_depsgraph_get())
     around = np.array([[x, y, z] for x in (-9.0, 9.0) for y, z in ((-9.0, -9.0), (-9.0, 9.0), (9.0, 9.0), (9.0, -9.0))])
     assert wanted_pixels(surface._replace(boxes=around[None]), camera).mask.all()
     far = around / 9.0 * 0.2 + (1.5, 2.0, 0.0)
@@ -151,15 +147,9 @@ def test_what_fills_the_picture_is_wanted_from_inside() -> None:
     assert not (before & ~beside).any() and (beside & ~before).any()
 
 
-def eye() -> Camera:
-    """The small scene's camera."""
-    (camera,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), ["Eye"], SIZE, np.zeros((2, 3)))
-    return camera
-
-
 def whole_picture(samples: int = 4, seed: int = 0, camera: Camera | None = None) -> np.ndarray:
     """All of the picture, by a scene copy of its own."""
-    with renders.pixel_renders(bpy.context, camera or eye(), COMBINED) as cycles:
+    with renders.pixel_renders(bpy.context, camera or active_camera(SIZE), COMBINED) as cycles:
         return drain(cycles.picture(samples, seed, "Cycles"))
 
 
@@ -170,7 +160,7 @@ def assert_same(first: np.ndarray, second: np.ndarray) -> None:
 
 def moved(kind: str) -> Camera:
     """The small scene's camera, shifted, orthographic, with sight that begins far away, or in a scene far away."""
-    camera = eye()
+    camera = active_camera(SIZE)
     if kind == "shifted":
         return replace(camera, shift_x=0.4, shift_y=-0.3)
     if kind == "orthographic":
@@ -181,7 +171,7 @@ def moved(kind: str) -> Camera:
         if item.parent is None:
             item.location.x += 20_000.0
     bpy.context.view_layer.update()
-    return eye()
+    return active_camera(SIZE)
 
 
 @pytest.mark.parametrize("kind", ["shifted", "orthographic", "clipped", "far away"])
@@ -207,17 +197,17 @@ def test_a_view_layer_overrides_materials_but_not_samples() -> None:
     layer.material_override = bpy.data.materials.new("Grey")
     full, layer.samples, mask = whole_picture(), 1, np.zeros(SIZE[::-1], bool)
     mask[8:16, 10:30] = True
-    with renders.pixel_renders(bpy.context, eye(), COMBINED, renders.Chosen(mask, 1.0)) as cycles:
+    with renders.pixel_renders(bpy.context, active_camera(SIZE), COMBINED, renders.Chosen(mask, 1.0)) as cycles:
         part = drain(cycles.picture(4, 0, "Cycles"))
     assert_same(part, np.where(mask[..., None], full, 0.0))
     with pytest.raises(SettingError, match="no picture of 2 x 24 pixels"):
-        whole_picture(camera=eye().with_size(2, 24))
+        whole_picture(camera=active_camera(SIZE).with_size(2, 24))
 
 
 def test_other_samples_of_a_kept_scene_are_those_of_a_new_one() -> None:
     """Blender does not tell Cycles of every change of a setting."""
     build()
-    with renders.pixel_renders(bpy.context, eye(), COMBINED) as cycles:
+    with renders.pixel_renders(bpy.context, active_camera(SIZE), COMBINED) as cycles:
         first, second = (drain(cycles.picture(samples, seed, "Cycles")) for samples, seed in ((4, 0), (16, 1)))
     np.testing.assert_array_equal(second, whole_picture(samples=16, seed=1))
     assert (first != second).any()
@@ -225,11 +215,12 @@ def test_other_samples_of_a_kept_scene_are_those_of_a_new_one() -> None:
 
 def test_a_marker_with_another_camera_changes_nothing() -> None:
     build()
-    before = whole_picture()
+    camera = active_camera(SIZE)
+    before = whole_picture(camera=camera)
     other = bpy.data.objects.new("Elsewhere", bpy.data.cameras.new("Elsewhere"))
     bpy.context.scene.collection.objects.link(other)
     bpy.context.scene.timeline_markers.new("Cut", frame=1).camera = other
-    np.testing.assert_array_equal(whole_picture(), before)
+    np.testing.assert_array_equal(whole_picture(camera=camera), before)
     assert [marker.camera for marker in bpy.context.scene.timeline_markers] == [other]
 
 
@@ -262,7 +253,7 @@ def test_cycles_says_so_when_it_has_finished() -> None:
         status = scene_copy._Status()
         bpy.app.handlers.render_stats.append(status.hear)
         try:
-            with renders.pixel_renders(bpy.context, eye(), COMBINED) as cycles:
+            with renders.pixel_renders(bpy.context, active_camera(SIZE), COMBINED) as cycles:
                 cycles._scene.cycles.use_auto_tile, cycles._scene.cycles.tile_size = True, side
                 drain(cycles.picture(4, 0, "Cycles"))
         finally:

@@ -12,6 +12,7 @@ from patchnet.operators.demo_scene import build_courtyard, save_demo_scene
 from patchnet.operators.demo_scene.geometry import Shape, projected_uv
 from patchnet.operators.jobs.job_operator import JobInWindow
 from patchnet.patchnet_addon.light.sheets import sheets_of
+from patchnet.tests.blender.job_scene import pixels_of
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 
@@ -32,9 +33,7 @@ def pictures() -> str:
     """A digest of all images' pixels."""
     digest = hashlib.sha256()
     for image in sorted(bpy.data.images, key=lambda image: image.name):
-        values = np.empty(len(image.pixels), np.float32)
-        image.pixels.foreach_get(values)
-        digest.update(image.name.encode() + np.round(values * 255).astype(np.uint8).tobytes())
+        digest.update(image.name.encode() + np.round(pixels_of(image) * 255).astype(np.uint8).tobytes())
     return digest.hexdigest()
 
 

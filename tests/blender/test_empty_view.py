@@ -11,7 +11,6 @@ import pytest
 
 from patchnet import commands
 from patchnet.operators.pipeline.run import run_job
-from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.empty_view import BLACK_VIEWS
@@ -19,7 +18,7 @@ from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.blender.engine_scene import build_for_engine, rendered
 from patchnet.tests.blender.job_scene import build, principled, render_by_cycles, saved
 from patchnet.tests.blender.light_scene import lit
-from patchnet.tests.blender.objects import SQUARE, lamp, link, look_from, mesh
+from patchnet.tests.blender.objects import SQUARE, active_camera, lamp, link, look_from, mesh
 from patchnet.tests.blender.shaders import glowing, grey, material, read_by, simple
 
 BEHIND = "Camera 'Eye' sees nothing: the surface is behind it; turn or move it"
@@ -130,8 +129,7 @@ def test_a_back_without_light_is_black_though_nothing_else_has_a_lit_back() -> N
     bpy.data.objects["Plate"].data.flip_normals()
     made = lit(**SMALL)
     assert "light falls on the other side of 'Plate' alone" in made.octree.provenance[BLACK_VIEWS]["Eye"]
-    camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), ("Eye",), (24, 16), made.source.bounds_world)[0]
-    hits = first_hits(made.octree, camera)
+    hits = first_hits(made.octree, active_camera(SMALL["size"]))
     assert hits.hit.any() and hits.luminance[hits.hit].max() < 0.02
 
 

@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.shading import DIRECTION
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
-from patchnet.tests.blender.objects import read
+from patchnet.tests.blender.objects import cuboid, read
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import simple
 from patchnet.training import commands
@@ -30,27 +30,22 @@ DEPTH = 7
 WORDS = ["--cameras", "2", "--samples", "8", "--frames", "20", "--size", "32", "24"]
 
 
-def boxes() -> str:
+def save_bars(path: Path) -> None:
     """Ten bars of different height and width on a plate, of two colours, as an .obj file."""
-    lines, count = [], 0
-    places = [(0.0, 0.0, 2.0, 2.0, 0.1)] + [
-        (0.2 * k, 0.15 * k, 0.04 + 0.03 * k, 0.1, 0.3 + 0.15 * k) for k in range(10)
-    ]
-    for number, (x, y, width, length, height) in enumerate(places):
-        corners = [(x + width * (i & 1), -(y + length * (i >> 1 & 1)), height * (i >> 2)) for i in range(8)]
-        lines += [f"v {a} {c} {b}" for a, b, c in corners]  # y is up in such files
-        lines.append(f"usemtl {'grey' if number % 2 else 'light'}")
-        faces = [(2, 3, 1, 0), (5, 7, 6, 4), (1, 5, 4, 0), (6, 7, 3, 2), (4, 6, 2, 0), (3, 7, 5, 1)]  # outwards
-        lines += ["f " + " ".join(str(count + each + 1) for each in face) for face in faces]
-        count += 8
-    return "\n".join(["mtllib bars.mtl", *lines, ""])
+    bpy.ops.wm.read_homefile(use_empty=True)
+    light = simple("BsdfPrincipled", "Light", Base_Color=(0.7, 0.6, 0.5, 1.0))
+    grey = simple("BsdfPrincipled", "Grey", Base_Color=(0.4, 0.4, 0.4, 1.0))
+    cuboid("Plate", (0.0, 0.0, 0.0), (2.0, 2.0, 0.1), light)
+    for k in range(10):
+        x, y = 0.2 * k, 0.15 * k
+        cuboid(f"Bar {k}", (x, y, 0.0), (x + 0.04 + 0.03 * k, y + 0.1, 0.3 + 0.15 * k), light if k % 2 else grey)
+    bpy.ops.wm.obj_export(filepath=str(path))
 
 
 @pytest.fixture
 def scenes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Scene]:
     """Scenes of one file: in Cycles' light, in Two Lights and cut open, in Cycles' light and cut open; catalogued."""
-    (tmp_path / FILE).write_text(boxes())
-    (tmp_path / "bars.mtl").write_text("newmtl grey\nKd 0.4 0.4 0.4\nnewmtl light\nKd 0.7 0.6 0.5\nd 1.0\n")
+    save_bars(tmp_path / FILE)
     monkeypatch.setenv(FOLDER, str(tmp_path))
     common = {"file": FILE, "source": "a test", "licence": "none", "role": TEST, "max_samples": 2, "depth": DEPTH}
     found = {

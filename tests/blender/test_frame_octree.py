@@ -15,9 +15,9 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import Steps
 from patchnet.patchnet_addon.sampling.passes import NO_DEPTH
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.tests.blender.engine_scene import build_for_engine, camera, kept, passes_in, rendered
+from patchnet.tests.blender.engine_scene import build_for_engine, kept, passes_in, rendered
 from patchnet.tests.blender.job_scene import frames_of_calls
-from patchnet.tests.blender.objects import geometry_nodes, slid
+from patchnet.tests.blender.objects import active_camera, geometry_nodes, slid
 
 
 @pytest.fixture(autouse=True)
@@ -170,7 +170,7 @@ def share_ahead(scene: bpy.types.Scene, octree: Octree) -> float:
     shares = []
     for frame in range(scene.frame_start, scene.frame_end + 1):
         scene.frame_set(frame)
-        hits = first_hits(octree, camera())
+        hits = first_hits(octree, active_camera())
         assert hits.hit.mean() > 0.1
         shares.append(float(octree.look_ahead()[hits.node[hits.hit]].mean()))
     return min(shares)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Gloss of metals, mirrors and glass in baked light, and its warnings."""
 
-import io
-from contextlib import redirect_stderr
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +21,7 @@ from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.blender.job_scene import saved
-from patchnet.tests.blender.light_scene import ALL_PATHS, bake_on, checked, lit
+from patchnet.tests.blender.light_scene import ALL_PATHS, checked, finished, job_on, lit
 from patchnet.tests.blender.objects import SQUARE, cuboid, link, look_from, mesh, read
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import material, shader, shown, simple, world
@@ -55,7 +53,7 @@ def baked(**values: object) -> tuple[dict[str, float], tuple[str, ...]]:
     light = LightSettings(**{"cells": "everywhere", "noise_threshold": ALL_PATHS, **values})
     light = with_view(bpy.context.scene, light, ())
     source = seen_through(read(), light.gloss)
-    found = bake_on(source, light, depth=6)
+    found = finished(job_on(source, light, depth=6))
     fragments = found.fragments
     names = dict.fromkeys(source.object_names, 0.0)
     return names | {name: fragments.of(name).mean_sides[0] for name in set(fragments.names)}, found.light.warnings
@@ -173,29 +171,15 @@ def test_a_room_of_metal_and_glass_is_what_cycles_renders() -> None:
     assert picture_psnr(np.clip(without, 0.0, 1.0), seen.cycles) < 18.5
 
 
-def test_command_of_octrees_bakes_for_any_camera(tmp_path: Path) -> None:
+def test_command_of_octrees_bakes_for_any_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its file is looked at from anywhere, so automatic gloss is seen from above; what is wanted is done."""
     plates()
     look_from((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
     scene = saved(tmp_path / "plates.blend")
     for gloss, noise, said in (("auto", [], "above the surface"), ("camera", ["--no-denoise"], "active camera sees")):
         out = tmp_path / f"{gloss}.safetensors"
-        words = [
-            "octree",
-            str(scene),
-            "--depth",
-            "4",
-            "--max-samples",
-            "2",
-            "--gloss",
-            gloss,
-            *noise,
-            "--out",
-            str(out),
-        ]
-        error = io.StringIO()
-        with redirect_stderr(error):
-            assert commands.main(words) == 0
-        assert said in error.getvalue()
+        words = ["--depth", "4", "--max-samples", "2", "--gloss", gloss, *noise]
+        assert commands.main(["octree", str(scene), *words, "--out", str(out)]) == 0
+        assert said in capsys.readouterr().err
         light = load_octree(out).provenance
         assert (light["gloss"], light["denoise"]) == (gloss, not noise)

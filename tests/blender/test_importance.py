@@ -18,6 +18,7 @@ from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.tests.blender.job_scene import SMALL, pixels_of, saved
+from patchnet.tests.blender.shaders import image
 
 pytestmark = pytest.mark.usefixtures("scene")
 
@@ -33,12 +34,10 @@ def look(weights: Path, importance: Importance | None, **values: object) -> View
 
 def painted(name: str = "Mask", size: tuple[int, int] = (WIDTH, HEIGHT)) -> bpy.types.Image:
     """The left half white, the rest black."""
-    image = bpy.data.images.new(name, *size)
     pixels = np.zeros((size[1], size[0], 4), np.float32)
     pixels[..., 3] = 1.0
     pixels[:, : size[0] // 2, :3] = 1.0
-    image.pixels.foreach_set(pixels.ravel())
-    return image
+    return image(name, pixels, float_buffer=False)
 
 
 def test_image(weights: Path) -> None:
@@ -58,10 +57,10 @@ def test_image(weights: Path) -> None:
 
 
 def test_row_0_of_an_image_is_the_lowest_of_the_picture(weights: Path) -> None:
-    image = painted()
+    mask = painted()
     pixels = np.zeros((HEIGHT, WIDTH, 4), np.float32)
     pixels[: HEIGHT // 2] = 1.0
-    image.pixels.foreach_set(pixels.ravel())
+    mask.pixels.foreach_set(pixels.ravel())
     masked = look(weights, Importance(image="Mask"))
     assert masked.priority[: HEIGHT // 2].any() and not masked.priority[HEIGHT // 2 :].any()
 

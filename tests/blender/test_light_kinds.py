@@ -10,7 +10,7 @@ from mathutils import Matrix
 
 from patchnet.tests.blender.light_scene import assert_agrees, compare
 from patchnet.tests.blender.objects import lamp, pane, slab
-from patchnet.tests.blender.shaders import grey, material, mixed, shader, shown, simple, world
+from patchnet.tests.blender.shaders import grey, image, material, mixed, read_by, shader, shown, simple, world
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -47,8 +47,7 @@ def test_environment_picture(tmp_path: Path) -> None:
     """A bright spot near the horizon on a dim sky, from a file."""
     sky = np.full((32, 64, 4), 0.1, np.float32)
     sky[22:26, 40:46, :3] = (60.0, 30.0, 10.0)
-    picture = bpy.data.images.new("Sky", 64, 32, float_buffer=True)
-    picture.pixels.foreach_set(sky.ravel())
+    picture = image("Sky", sky)
     picture.filepath_raw = str(tmp_path / "sky.hdr")
     picture.file_format = "HDR"
     picture.save()
@@ -56,9 +55,8 @@ def test_environment_picture(tmp_path: Path) -> None:
     wall = pane("Wall", grey(0.0))
     wall.rotation_euler, wall.location = (0.0, np.pi / 2, 0.0), (0.0, 0.0, 1.0)
     tree = world()
-    node = tree.nodes.new("ShaderNodeTexEnvironment")
-    node.image = bpy.data.images.load(picture.filepath_raw)
-    tree.links.new(node.outputs[0], tree.nodes["Background"].inputs["Color"])
+    loaded = bpy.data.images.load(picture.filepath_raw)
+    tree.links.new(read_by("TexEnvironment", image=loaded)(tree), tree.nodes["Background"].inputs["Color"])
     assert_agrees(compare(512), contrast=0.3)
 
 

@@ -62,9 +62,7 @@ def alone(tree: Tree) -> Socket:
 
 
 def number(tree: Tree, kind: str, *inputs: Socket | float | tuple[float, ...], **settings: str) -> Socket:
-    node = tree.nodes.new(f"ShaderNode{kind}")
-    for name, value in settings.items():
-        setattr(node, name, value)
+    node = read_by(kind, 0, **settings)(tree).node
     for value, end in zip(inputs, node.inputs, strict=False):
         if isinstance(value, bpy.types.NodeSocket):
             tree.links.new(value, end)

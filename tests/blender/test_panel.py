@@ -40,10 +40,6 @@ OPERATORS = {
 }  # fmt: skip
 
 
-def update() -> None:
-    bpy.context.view_layer.update()
-
-
 def test_first_panel_has_five_settings(scene: bpy.types.Scene) -> None:
     names = {item.identifier for item in scene.patchnet.bl_rna.properties}
 
@@ -114,7 +110,7 @@ def test_stale_says_why(scene: bpy.types.Scene) -> None:
     bpy.data.materials["Slab"].diffuse_color = (1, 0, 0, 1)
     for index in range(5):
         bpy.data.objects[f"Lath {index}"].location.x += 0.1
-    update()
+    bpy.context.view_layer.update()
     result = results.voxels_of(scene)
     look_again(result, scene)
     assert result.stale == {"surface", "light"}
@@ -220,7 +216,7 @@ def with_notes(scene: bpy.types.Scene) -> None:
     bpy.data.materials["Lath 3"].name = "Mist"
     scene.collection.objects.link(bpy.data.objects.new("Smoke", bpy.data.volumes.new("Smoke")))
     scene.camera.data.dof.use_dof = True
-    update()
+    bpy.context.view_layer.update()
 
 
 def test_what_is_left_out_is_said_in_the_panel(scene: bpy.types.Scene) -> None:

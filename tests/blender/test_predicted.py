@@ -21,8 +21,9 @@ from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.render import seen_above_white
 from patchnet.tests.blender.drawn import drawn
-from patchnet.tests.blender.engine_scene import WORLD, build_for_engine, camera, kept, rendered
+from patchnet.tests.blender.engine_scene import WORLD, build_for_engine, kept, rendered
 from patchnet.tests.blender.job_scene import SMALL, view_of
+from patchnet.tests.blender.objects import active_camera
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -72,7 +73,7 @@ def test_render_shows_it(weights: Path, tmp_path: Path, transparent: bool) -> No
     scene.patchnet.unrefined, scene.render.film_transparent = "predicted", transparent
     found = rendered(scene)
     result = kept(scene)
-    buffers = drain(trace_view(result.octree, camera(), [CHOSEN], coded=result.coded, unrefined="predicted"))
+    buffers = drain(trace_view(result.octree, active_camera(), [CHOSEN], coded=result.coded, unrefined="predicted"))
     ranking = rank(CHOSEN, buffers, scene.patchnet.budget)
     np.testing.assert_allclose(found["Priority"][..., 0], buffers.picture(ranking.priority), atol=1e-6)
     left = ~ranking.mask

@@ -29,11 +29,11 @@ from patchnet.tests.blender.engine_scene import (
     WIDTH,
     WORLD,
     build_for_engine,
-    camera,
     kept,
     rendered,
 )
 from patchnet.tests.blender.job_scene import box, principled
+from patchnet.tests.blender.objects import active_camera
 
 
 @pytest.fixture(autouse=True)
@@ -44,7 +44,7 @@ def scene(registered: None, weights: Path, tmp_path: Path) -> bpy.types.Scene:
 def expected(scene: bpy.types.Scene) -> PixelBuffers:
     """The pixels as `render_preview` traces it."""
     chosen = [STRATEGIES[scene.patchnet.strategy], STRATEGIES["patchnet"]]
-    return drain(trace_view(kept(scene).octree, camera(), chosen, coded=kept(scene).coded))
+    return drain(trace_view(kept(scene).octree, active_camera(), chosen, coded=kept(scene).coded))
 
 
 def hdr_highlights(scene: bpy.types.Scene, buffers: PixelBuffers) -> np.ndarray:
@@ -86,7 +86,7 @@ def test_refined_pixels_are_the_reference_over_a_transparent_film(scene: bpy.typ
     mask = refined_mask(buffers, refinement_order(buffers, STRATEGIES["ss-variance"].scores(buffers)), 0.5)
     combined = found["Combined"].reshape(-1, 4)
     exposure = kept(scene).octree.exposure
-    refined = supersample_pixels(kept(scene).octree, camera(), np.flatnonzero(mask))
+    refined = supersample_pixels(kept(scene).octree, active_camera(), np.flatnonzero(mask))
     assert np.array_equal(refined.luminance, buffers.reference[mask])
     assert np.allclose(combined[mask, :3], refined.colors / exposure, rtol=1e-5, atol=1e-6)
     assert np.array_equal(combined[~mask, 3], buffers.hit[~mask].astype(np.float32))
@@ -103,7 +103,9 @@ def test_renders_have_sixteen_fine_rays_in_every_pixel_unless_they_are_by_priori
     result = results.result_of(scene)
     assert result is not None and result.coded is None, "nothing looks ahead"
     every = np.arange(WIDTH * HEIGHT)
-    means = spread_pixels(result.octree, camera(), every, rook_places(4), BOX_FILTER, finer=EVEN_FOOTPRINT).given[:, 0]
+    means = spread_pixels(
+        result.octree, active_camera(), every, rook_places(4), BOX_FILTER, finer=EVEN_FOOTPRINT
+    ).given[:, 0]
     combined = found["Combined"].reshape(-1, 4)
     assert np.allclose(combined[:, :3], means[:, :3] / result.octree.exposure, rtol=1e-5, atol=1e-6)
     assert np.allclose(combined[:, 3], means[:, 3], atol=1e-7)

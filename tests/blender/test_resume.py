@@ -10,15 +10,14 @@ import numpy as np
 import pytest
 
 from patchnet.operators.computing.octrees import LitSurface
-from patchnet.operators.cycles.bake import bake, baker
+from patchnet.operators.cycles.bake import bake
 from patchnet.operators.cycles.bake.bake import bake_key, bake_light
-from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.state.scene_state import scene_state
 from patchnet.patchnet_addon.light import surfel_cache
 from patchnet.patchnet_addon.runtime.files import read_arrays
 from patchnet.patchnet_addon.runtime.progress import Progress
 from patchnet.tests.blender.job_scene import build, principled
-from patchnet.tests.blender.light_scene import Baked, bake_job
+from patchnet.tests.blender.light_scene import Baked, bake_job, on_bake
 from patchnet.tests.blender.objects import geometry_nodes, look_from
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
@@ -35,13 +34,7 @@ def small_calls(monkeypatch: pytest.MonkeyPatch) -> None:
 def surfels(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Number of surfels of each call while a test runs."""
     seen: list[int] = []
-    run = baker.bake_now
-
-    def count(context: bpy.types.Context, target: BakeTarget) -> None:
-        seen.append(len(target.item.data.polygons))
-        run(context, target)
-
-    monkeypatch.setattr(baker, "bake_now", count)
+    on_bake(monkeypatch, lambda target: seen.append(len(target.item.data.polygons)))
     return seen
 
 

@@ -7,15 +7,13 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet.operators.cycles.bake import baker
-from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.cycles.pixel_renders import pixel_renders
 from patchnet.operators.scene_access.frames import kept_frame
 from patchnet.operators.scene_access.overrides import changed
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.blender.full_scene import build_full
-from patchnet.tests.blender.light_scene import lit
+from patchnet.tests.blender.light_scene import lit, on_bake
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -53,13 +51,7 @@ def test_saved_while_cycles_bakes(prepare: Callable[[], None], tmp_path: Path, m
     prepare()
     bpy.context.view_layer.update()
     before, saves = save(tmp_path / "before.blend"), []
-    run = baker.bake_now
-
-    def save_and_run(context: bpy.types.Context, target: BakeTarget) -> None:
-        saves.append(save(tmp_path / f"{len(saves)}.blend"))
-        run(context, target)
-
-    monkeypatch.setattr(baker, "bake_now", save_and_run)
+    on_bake(monkeypatch, lambda _target: saves.append(save(tmp_path / f"{len(saves)}.blend")))
     lit(depth=4, size=(16, 16), max_samples=2)
     assert saves
     for path in saves:

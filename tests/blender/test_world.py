@@ -22,10 +22,11 @@ from patchnet.patchnet_addon.image.comparison import picture_psnr
 from patchnet.patchnet_addon.image.cube_map import CubeMap
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.tests.blender.engine_scene import build_for_engine, camera, rendered
+from patchnet.tests.blender.engine_scene import build_for_engine, rendered
+from patchnet.tests.blender.objects import active_camera
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import world
-from patchnet.tests.blender.worlds import SIZE, backdrop, camera_of, gradient, photograph, shown_by_cycles, sky
+from patchnet.tests.blender.worlds import SIZE, backdrop, gradient, photograph, shown_by_cycles, sky
 
 
 def seen_by(camera: Camera) -> np.ndarray:
@@ -41,7 +42,7 @@ def test_the_background_is_what_cycles_renders(
 ) -> None:
     world(scene)
     scene.camera.data.shift_x, scene.camera.data.lens = 0.1, 20.0
-    camera = camera_of(scene)
+    camera = active_camera(SIZE)
     before = scene_snapshot()
     found = seen_by(camera)
     assert_unchanged(before)
@@ -51,7 +52,7 @@ def test_the_background_is_what_cycles_renders(
 def test_an_orthographic_camera_sees_one_colour(scene: bpy.types.Scene) -> None:
     gradient(scene)
     scene.camera.data.type = "ORTHO"
-    camera = camera_of(scene)
+    camera = active_camera(SIZE)
     assert camera.kind == ORTHOGRAPHIC
     np.testing.assert_allclose(seen_by(camera), shown_by_cycles(camera, 4), atol=2e-3)
 
@@ -59,7 +60,7 @@ def test_an_orthographic_camera_sees_one_colour(scene: bpy.types.Scene) -> None:
 def test_a_world_that_cameras_do_not_see_is_black(scene: bpy.types.Scene) -> None:
     gradient(scene)
     scene.world.cycles_visibility.camera = False
-    camera = camera_of(scene)
+    camera = active_camera(SIZE)
     assert not seen_by(camera).any() and not shown_by_cycles(camera, 1).any()
     scene.world.cycles_visibility.camera, bpy.context.view_layer.use_sky = True, False
     assert not seen_by(camera).any() and not shown_by_cycles(camera, 1).any()
@@ -69,7 +70,7 @@ def test_beside_a_window_parts_are_short_and_stop_between_two(
     scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     gradient(scene)
-    camera = camera_of(scene)
+    camera = active_camera(SIZE)
     whole = seen_by(camera)
     monkeypatch.setattr(environment, "_PATHS_IN_WINDOW", 12 * SIZE[0] * SAMPLES)
     with in_window(True):
@@ -94,7 +95,7 @@ def test_a_map_shows_all_directions(scene: bpy.types.Scene) -> None:
 
 def test_a_render_beside_a_window_waits_for_the_map(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     gradient(scene)
-    camera = camera_of(scene)
+    camera = active_camera(SIZE)
     session_of(scene).world = KeyedMap("of another world", None)
     first = awaited(camera)
     assert first.light is not None and first.warnings == ()
@@ -164,9 +165,9 @@ def test_a_scene_without_light_shows_the_sky_that_lights_it(scene: bpy.types.Sce
         bpy.data.objects.remove(lamp)
     scene.world = None
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    lit = drain(background(depsgraph, camera_of(scene), "AUTO", baked=True)).light
+    lit = drain(background(depsgraph, active_camera(SIZE), "AUTO", baked=True)).light
     np.testing.assert_allclose(lit, np.array(SKY_COLOR) * SKY_STRENGTH, rtol=1e-6)
-    assert not drain(background(depsgraph, camera_of(scene), "AUTO", baked=False)).light.any()
+    assert not drain(background(depsgraph, active_camera(SIZE), "AUTO", baked=False)).light.any()
 
 
 def test_the_engine_renders_the_world_and_follows_film(registered: None, weights: Path, tmp_path: Path) -> None:
@@ -177,7 +178,7 @@ def test_the_engine_renders_the_world_and_follows_film(registered: None, weights
     over_nothing = rendered(scene)["Combined"]
     alpha = over_nothing[..., 3].reshape(-1, 1)
     assert (found[..., 3] == 1.0).all() and (alpha == 0.0).mean() > 0.1
-    expected = over_nothing[..., :3].reshape(-1, 3) + (1.0 - alpha) * shown_by_cycles(camera())
+    expected = over_nothing[..., :3].reshape(-1, 3) + (1.0 - alpha) * shown_by_cycles(active_camera())
     assert picture_psnr(found[..., :3].reshape(-1, 3), expected) > 55.0
 
 

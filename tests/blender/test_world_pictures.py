@@ -15,6 +15,7 @@ from patchnet.operators.settings.groups import ViewSettings
 from patchnet.patchnet_addon.image.comparison import picture_psnr
 from patchnet.patchnet_addon.image.tone import srgb_encode
 from patchnet.tests.blender.job_scene import pixels_in, pixels_of
+from patchnet.tests.blender.shaders import image
 from patchnet.tests.blender.worlds import SIZE, gradient, nodes_of_world, run, shown_by_cycles
 
 
@@ -40,12 +41,11 @@ def test_pictures_say_which_view_transform_they_have(scene: bpy.types.Scene, wei
 
 def saved_by_blender(scene: bpy.types.Scene, light: tuple[float, float, float], path: Path) -> np.ndarray:
     """Encoded colour (3,) of linear light in a picture that Blender saves by the scene's view."""
-    image = bpy.data.images.new("Known", 4, 4, float_buffer=True)
-    image.pixels.foreach_set(np.tile(np.array([*light, 1.0], np.float32), 16))
+    known = image("Known", np.broadcast_to([*light, 1.0], (4, 4, 4)))
     if hasattr(scene.render.image_settings, "media_type"):
         scene.render.image_settings.media_type = "IMAGE"
     scene.render.image_settings.file_format = "PNG"
-    image.save_render(str(path), scene=scene)
+    known.save_render(str(path), scene=scene)
     return pixels_in(path)[0, 0, :3]
 
 
@@ -55,10 +55,7 @@ def test_pictures_of_a_job_show_the_world_in_their_exposure(scene: bpy.types.Sce
     made = run(weights=weights, exposure=0.5, reference=True)
     black = run(weights=weights, exposure=0.5, reference=True, background="black")
     view, other = made.views[0], black.views[0]
-    assert (
-        view.errors == other.errors
-        and view.report["frames" if "frames" in view.report else "mse_unrefined"] == (other.report["mse_unrefined"])
-    )
+    assert view.errors == other.errors and view.report["mse_unrefined"] == other.report["mse_unrefined"]
     missed = view.buffers.picture(~view.buffers.hit & (view.refined.samples == 1))
     behind = view.buffers.picture(srgb_encode(0.5 * shown_by_cycles(view.camera)))
     assert missed.mean() > 0.1
@@ -84,9 +81,9 @@ def test_transparent_pictures_have_alpha_in_files(scene: bpy.types.Scene, weight
     made = run(weights=weights, out=tmp_path / "out", background="transparent")
     view = made.views[0]
     folder = tmp_path / "out" / json.loads((tmp_path / "out" / "report.json").read_text())["frames"][0]["folder"]
-    image = bpy.data.images.load(str(folder / "refined.png"))
-    assert image.depth == 32
-    found = pixels_of(image).reshape(-1, 4)
+    refined = bpy.data.images.load(str(folder / "refined.png"))
+    assert refined.depth == 32
+    found = pixels_of(refined).reshape(-1, 4)
     np.testing.assert_allclose(found[:, 3], view.refined.alpha, atol=0.5 / 255 + 1e-6)
     solid = view.refined.alpha == 1.0
     np.testing.assert_allclose(found[solid, :3], srgb_encode(view.refined.colors)[solid], atol=0.5 / 255 + 1e-6)

@@ -9,13 +9,13 @@ import numpy as np
 
 from patchnet.operators.cycles.scene_copy import prepared, render
 from patchnet.operators.pipeline.run import JobResult, run_job
-from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.image.cycles_passes import combined_light
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.tests.blender.shaders import image, read_by
 
 SIZE = (48, 32)
 
@@ -48,11 +48,8 @@ def sky(scene: bpy.types.Scene) -> None:
 def photograph(scene: bpy.types.Scene) -> None:
     """An environment texture of 64 x 32 pixels."""
     tree, shine = nodes_of_world(scene)
-    image = bpy.data.images.new("Photograph", 64, 32, float_buffer=True)
-    image.pixels.foreach_set(np.random.default_rng(1).random(64 * 32 * 4, np.float32))
-    texture = tree.nodes.new("ShaderNodeTexEnvironment")
-    texture.image = image
-    tree.links.new(texture.outputs[0], shine.inputs["Color"])
+    picture = image("Photograph", np.random.default_rng(1).random((32, 64, 4)))
+    tree.links.new(read_by("TexEnvironment", image=picture)(tree), shine.inputs["Color"])
 
 
 def backdrop(scene: bpy.types.Scene) -> None:
@@ -64,11 +61,6 @@ def backdrop(scene: bpy.types.Scene) -> None:
     tree.links.new(path.outputs["Is Camera Ray"], mix.inputs["Fac"])
     tree.links.new(place.outputs["Window"], mix.inputs["Color2"])
     tree.links.new(mix.outputs[0], shine.inputs["Color"])
-
-
-def camera_of(scene: bpy.types.Scene) -> Camera:
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    return choose_cameras(depsgraph, (), SIZE, np.array([[-1.0] * 3, [1.0] * 3]))[0]
 
 
 def shown_by_cycles(camera: Camera, samples: int = 64) -> np.ndarray:
