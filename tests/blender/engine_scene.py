@@ -9,11 +9,11 @@ import numpy as np
 
 from patchnet.operators.render_engine.engine import ENGINE
 from patchnet.operators.render_engine.passes import PASSES
-from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.tests.blender.job_scene import build
+from patchnet.tests.blender.shaders import world
 
 WIDTH, HEIGHT = 40, 26
 WORLD = (0.1, 0.2, 0.4)
@@ -29,8 +29,7 @@ def build_for_engine(weights: Path, folder: Path) -> bpy.types.Scene:
     values.render_samples = 0.0  # by priority
     values.refined_samples = 1024.0  # so that refined pixels are those of the reference
     scene.cycles.pixel_filter_type = "BOX"  # so that rays count in their own pixel alone
-    scene.world = bpy.data.worlds.new("World")
-    background = start_nodes(scene.world).nodes["Background"]
+    background = world().nodes["Background"]
     background.inputs["Color"].default_value, background.inputs["Strength"].default_value = (*WORLD, 1.0), 0.5
     render = scene.render
     render.engine = ENGINE

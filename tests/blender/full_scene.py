@@ -6,6 +6,7 @@ from pathlib import Path
 import bpy
 
 from patchnet.tests.blender.job_scene import box, build
+from patchnet.tests.blender.objects import group
 
 
 def build_full(folder: Path, mode: str = "OBJECT") -> None:
@@ -36,11 +37,7 @@ def build_full(folder: Path, mode: str = "OBJECT") -> None:
 def _save_library(path: Path) -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
     for index, name in enumerate(("Linked", "Overridden")):
-        collection = bpy.data.collections.new(name)
-        bpy.context.scene.collection.children.link(collection)
-        item = box(name, (0.2 * index, -0.2, -1.2), (0.2 * index + 0.1, -0.1, -1.1), 0.5)
-        bpy.context.scene.collection.objects.unlink(item)
-        collection.objects.link(item)
+        group(name, box(name, (0.2 * index, -0.2, -1.2), (0.2 * index + 0.1, -0.1, -1.1), 0.5))
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
 
 

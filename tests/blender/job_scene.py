@@ -18,7 +18,8 @@ from patchnet.operators.session.staleness import look_again
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.objects import cuboid, slid
+from patchnet.tests.blender.objects import cuboid, lamp, new_camera, slid
+from patchnet.tests.blender.shaders import simple
 
 SMALL = {"depth": 7, "size": (24, 16)}
 QUICK = ["--light", "two-lights", "--size", "16", "16", "--depth", "5"]  # words of a command
@@ -39,10 +40,7 @@ def frames_of_calls(monkeypatch: pytest.MonkeyPatch, module: ModuleType, name: s
 
 def box(name: str, low: tuple[float, float, float], high: tuple[float, float, float], gray: float) -> bpy.types.Object:
     """A box with one material of the given gray."""
-    material = bpy.data.materials.new(name)
-    material.use_nodes = True
-    material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (gray, gray, gray, 1.0)
-    return cuboid(name, low, high, material)
+    return cuboid(name, low, high, simple("BsdfPrincipled", name, Base_Color=(gray, gray, gray, 1.0)))
 
 
 def build(light: bool = True, camera: bool = True) -> None:
@@ -53,16 +51,11 @@ def build(light: bool = True, camera: bool = True) -> None:
     for index in range(5):
         box(f"Lath {index}", (-0.9 + 0.4 * index, -0.5, -1), (-0.85 + 0.4 * index, -0.45, 1), 0.9)
     if light:
-        lamp = bpy.data.lights.new("Lamp", "SUN")
-        lamp.energy = 3.0
-        item = bpy.data.objects.new("Lamp", lamp)
-        item.rotation_euler = (0.9, 0.2, 0.1)
-        scene.collection.objects.link(item)
+        item = lamp("SUN", 3.0, (0.0, 0.0, 0.0))
+        item.name, item.data.name, item.rotation_euler = "Lamp", "Lamp", (0.9, 0.2, 0.1)
     if camera:
-        eye = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))
-        eye.location, eye.rotation_euler = (0.3, -5.0, 0.4), (1.5, 0.0, 0.05)
-        scene.collection.objects.link(eye)
-        scene.camera = eye
+        scene.camera = new_camera("Eye", (0.3, -5.0, 0.4))
+        scene.camera.rotation_euler = (1.5, 0.0, 0.05)
     for item in scene.objects:
         item.select_set(item is slab)
     bpy.context.view_layer.objects.active = slab

@@ -73,9 +73,14 @@ def lamp(kind: str, energy: float, location: Sequence[float] = (0, 0, 1), **sett
     return link(bpy.data.objects.new(light.name, light), location)
 
 
+def new_camera(name: str, place: Sequence[float] = (0.0, 0.0, 0.0)) -> bpy.types.Object:
+    """A new camera that looks down; the active one stays."""
+    return link(bpy.data.objects.new(name, bpy.data.cameras.new(name)), place)
+
+
 def look_from(place: Sequence[float], target: Sequence[float], name: str = "Eye") -> bpy.types.Object:
     """A new active camera that looks at a point."""
-    eye = link(bpy.data.objects.new(name, bpy.data.cameras.new(name)), place)
+    eye = new_camera(name, place)
     eye.rotation_euler = (Vector(target) - Vector(place)).to_track_quat("-Z", "Y").to_euler()
     bpy.context.scene.camera = eye
     return eye
@@ -111,6 +116,13 @@ def moved_to(collection: bpy.types.Collection, *items: bpy.types.Object) -> bpy.
             other.objects.unlink(item)
         collection.objects.link(item)
     return collection
+
+
+def group(name: str, *items: bpy.types.Object) -> bpy.types.Collection:
+    """A new collection of the scene, which alone holds these objects now."""
+    result = bpy.data.collections.new(name)
+    bpy.context.scene.collection.children.link(result)
+    return moved_to(result, *items)
 
 
 def geometry_nodes(

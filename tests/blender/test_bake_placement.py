@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from patchnet.tests.blender.light_scene import assert_agrees, compare
-from patchnet.tests.blender.objects import collection_instance, geometry_nodes, lamp, link, mesh, moved_to, pane, slab
+from patchnet.tests.blender.objects import collection_instance, geometry_nodes, group, lamp, link, mesh, pane, slab
 from patchnet.tests.blender.shaders import glowing, grey, material, mixed, read_by, shader, shown, simple
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
@@ -18,13 +18,6 @@ SHADOW = 0.9  # contrast of a shadow
 
 def sun() -> bpy.types.Object:
     return lamp("SUN", 3.0, angle=0.15)
-
-
-def group(name: str, *items: bpy.types.Object) -> bpy.types.Collection:
-    """A collection of the scene that holds these objects alone."""
-    result = bpy.data.collections.new(name)
-    bpy.context.scene.collection.children.link(result)
-    return moved_to(result, *items)
 
 
 def layer_of(name: str) -> bpy.types.LayerCollection:

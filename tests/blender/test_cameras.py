@@ -21,16 +21,14 @@ from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.lod.depth import coarse_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.objects import slid
+from patchnet.tests.blender.objects import group, new_camera, slid
 
 
 @pytest.fixture
 def camera() -> bpy.types.Object:
     bpy.ops.wm.read_homefile(use_empty=True)
-    data = bpy.data.cameras.new("Lens")
-    camera = bpy.data.objects.new("Eye", data)
-    bpy.context.scene.collection.objects.link(camera)
-    bpy.context.scene.camera = camera
+    bpy.context.scene.camera = camera = new_camera("Eye")
+    camera.data.name = "Lens"
     camera.matrix_world = Matrix.Translation((3.0, -5.0, 2.0)) @ Euler((1.1, 0.2, 0.4)).to_matrix().to_4x4()
     return camera
 
@@ -85,8 +83,7 @@ def test_panoramas_are_refused(camera: bpy.types.Object) -> None:
 
 def test_names(camera: bpy.types.Object) -> None:
     scene = bpy.context.scene
-    other = bpy.data.objects.new("Second", bpy.data.cameras.new("Second"))
-    scene.collection.objects.link(other)
+    new_camera("Second")
     depsgraph = bpy.context.evaluated_depsgraph_get()
     bounds = np.array([[-1.0, -1, -1], [1, 1, 1]])
 
@@ -105,9 +102,7 @@ def test_names(camera: bpy.types.Object) -> None:
 
 def test_depth_of_field_is_told_of_chosen_cameras_alone(camera: bpy.types.Object) -> None:
     scene = bpy.context.scene
-    second = bpy.data.objects.new("Second", bpy.data.cameras.new("Second"))
-    scene.collection.objects.link(second)
-    second.data.dof.use_dof = True
+    new_camera("Second").data.dof.use_dof = True
 
     def told(*wanted: str) -> tuple[str, ...]:
         bounds = np.array([[-1.0, -1, -1], [1, 1, 1]])
@@ -188,12 +183,7 @@ def test_cameras_that_the_view_layer_leaves_out(
     """With a parent that is animated and a constraint, at the scene's frame; as they are when nothing hides them."""
     scene = bpy.context.scene
     rig, target = (bpy.data.objects.new(name, None) for name in ("Rig", "Target"))
-    collection = bpy.data.collections.new("Cameras")
-    scene.collection.children.link(collection)
-    for item in (rig, target):
-        collection.objects.link(item)
-    scene.collection.objects.unlink(camera)
-    collection.objects.link(camera)
+    collection = group("Cameras", rig, target, camera)
     camera.parent, target.location, rig.scale = rig, (1.0, 2.0, 0.5), (2.0, 1.0, 1.0)
     slid(rig, {1: 0.0, 11: 10.0})
     constraint = camera.constraints.new("TRACK_TO")

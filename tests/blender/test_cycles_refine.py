@@ -25,7 +25,7 @@ from patchnet.patchnet_addon.tracing.pixel_filter import EVEN_FOOTPRINT
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.full_scene import build_full
 from patchnet.tests.blender.job_scene import box, build, drop_result_images, principled
-from patchnet.tests.blender.objects import active_camera
+from patchnet.tests.blender.objects import active_camera, new_camera
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -217,8 +217,7 @@ def test_a_marker_with_another_camera_changes_nothing() -> None:
     build()
     camera = active_camera(SIZE)
     before = whole_picture(camera=camera)
-    other = bpy.data.objects.new("Elsewhere", bpy.data.cameras.new("Elsewhere"))
-    bpy.context.scene.collection.objects.link(other)
+    other = new_camera("Elsewhere")
     bpy.context.scene.timeline_markers.new("Cut", frame=1).camera = other
     np.testing.assert_array_equal(whole_picture(camera=camera), before)
     assert [marker.camera for marker in bpy.context.scene.timeline_markers] == [other]

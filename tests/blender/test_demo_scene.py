@@ -14,6 +14,7 @@ from patchnet.operators.jobs.job_operator import JobInWindow
 from patchnet.patchnet_addon.light.sheets import sheets_of
 from patchnet.tests.blender.job_scene import pixels_of
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.training.commands.lab.furnished.models import vertices_of
 
 
 def placed() -> np.ndarray:
@@ -22,9 +23,7 @@ def placed() -> np.ndarray:
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         if instance.object.type in ("MESH", "CURVE", "FONT"):
             mesh, matrix = instance.object.to_mesh(), np.array(instance.matrix_world)
-            local = np.empty(len(mesh.vertices) * 3, np.float32)
-            mesh.vertices.foreach_get("co", local)
-            found.append(local.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3])
+            found.append(vertices_of(mesh) @ matrix[:3, :3].T + matrix[:3, 3])
             instance.object.to_mesh_clear()
     return np.concatenate(found)
 
@@ -65,11 +64,9 @@ def test_normals_of_closed_things_point_outwards() -> None:
         mesh.calc_loop_triangles()
         corners = np.empty(len(mesh.loop_triangles) * 3, np.int32)
         mesh.loop_triangles.foreach_get("vertices", corners)
-        places = np.empty(len(mesh.vertices) * 3, np.float32)
-        mesh.vertices.foreach_get("co", places)
-        triangles, vertices = corners.reshape(-1, 3), places.reshape(-1, 3)
+        triangles, vertices = corners.reshape(-1, 3), vertices_of(mesh)
         sheet, is_open = sheets_of(vertices, triangles)
-        a, b, c = vertices[triangles].astype(np.float64).transpose(1, 0, 2)
+        a, b, c = vertices[triangles].transpose(1, 0, 2)
         volume = np.bincount(sheet[sheet >= 0], np.einsum("tc,tc->t", a, np.cross(b, c))[sheet >= 0], len(is_open))
         closed += np.count_nonzero(~is_open)
         if (volume[~is_open] < 0).any():

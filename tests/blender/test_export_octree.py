@@ -14,6 +14,7 @@ from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.voxel_cloud import VoxelCloud, voxel_cloud
 from patchnet.tests.blender.job_scene import build
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.training.commands.lab.furnished.models import vertices_of
 
 
 @pytest.fixture(autouse=True)
@@ -50,9 +51,7 @@ def test_ply_in_blender(tmp_path: Path) -> None:
     bpy.ops.patchnet.export_octree(filepath=str(path), level=5)
     bpy.ops.wm.ply_import(filepath=str(path), forward_axis="Y", up_axis="Z")
     mesh, voxels = bpy.context.object.data, cloud(5)
-    centres = np.empty(len(mesh.vertices) * 3, np.float32)
-    mesh.vertices.foreach_get("co", centres)
-    np.testing.assert_allclose(centres.reshape(-1, 3), voxels.centres_world, atol=1e-6)
+    np.testing.assert_allclose(vertices_of(mesh), voxels.centres_world, atol=1e-6)
     for name, expected in (("scalar_luminance", voxels.luminance), ("scalar_side", voxels.side_world)):
         values = np.empty(len(mesh.vertices), np.float32)
         mesh.attributes[name].data.foreach_get("value", values)

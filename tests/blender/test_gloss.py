@@ -22,7 +22,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.blender.job_scene import saved
 from patchnet.tests.blender.light_scene import ALL_PATHS, checked, finished, job_on, lit
-from patchnet.tests.blender.objects import SQUARE, cuboid, link, look_from, mesh, read
+from patchnet.tests.blender.objects import SQUARE, cuboid, link, look_from, mesh, new_camera, read
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import material, shader, shown, simple, world
 from patchnet.tests.blender.shaders import mixed as blended
@@ -118,9 +118,7 @@ def test_a_camera_sees_other_reflections_than_what_is_above() -> None:
     link(mesh("Mirror", SQUARE, [(0, 1, 2, 3)], principled("Mirror", Metallic=1.0, Roughness=0.0)))
     lamp = simple("Emission", "Lamp", Strength=2.0)
     link(mesh("Wall", [(x, 3.0, z) for x, z in ((-9, 0), (9, 0), (9, 9), (-9, 9))], [(0, 1, 2, 3)], lamp))
-    eye = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))
-    eye.location = (0.0, -6.0, 2.0)
-    bpy.context.scene.collection.objects.link(eye)
+    eye = new_camera("Eye", (0.0, -6.0, 2.0))
     with pytest.raises(SceneError, match="no active camera"):
         with_view(bpy.context.scene, LightSettings(gloss="camera"), ())
     above, _ = baked(max_samples=4)

@@ -11,7 +11,7 @@ import pytest
 from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.tests.blender.light_scene import assert_mean_of_views, bake
-from patchnet.tests.blender.objects import lamp, slab
+from patchnet.tests.blender.objects import lamp, look_from, slab
 from patchnet.tests.blender.shaders import material, shader, shown, simple, world
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
@@ -51,10 +51,7 @@ def test_floor_is_the_mean_of_its_views() -> None:
 def test_floor_from_the_camera_is_as_it_sees_it() -> None:
     """Dimmed once: the bake has the camera's view."""
     sunlit_floor()
-    eye = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    eye.location, eye.rotation_euler = (0.0, -50.0, 50.0), (np.pi / 4, 0.0, 0.0)
-    bpy.context.scene.collection.objects.link(eye)
-    bpy.context.scene.camera = eye
+    look_from((0.0, -50.0, 50.0), (0.0, 0.0, 0.0))
     assert floor_baked(from_camera=True) == pytest.approx(floor_seen(0.5**0.5), rel=0.003)
 
 

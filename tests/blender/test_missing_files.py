@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
-from patchnet.tests.blender.job_scene import build, saved
+from patchnet.tests.blender.job_scene import build, principled, saved
 from patchnet.tests.blender.objects import read
 
 
@@ -15,20 +15,16 @@ def warnings() -> str:
     return "\n".join(read().warnings)
 
 
-def with_texture(path: str, source: str = "FILE") -> bpy.types.Material:
+def with_texture(path: str, source: str = "FILE") -> None:
     """The small scene, its slab with an image from `path`, which may not be there."""
     build()
-    slab = bpy.data.objects["Slab"]
-    slab.data.materials.clear()
-    material = bpy.data.materials.new("Painted")
-    slab.data.materials.append(material)
-    material.use_nodes = True
-    node = material.node_tree.nodes.new("ShaderNodeTexImage")
+    color = principled("Slab").inputs["Base Color"]
+    bpy.data.materials["Slab"].name = "Painted"
+    tree = color.id_data
+    node = tree.nodes.new("ShaderNodeTexImage")
     node.image = bpy.data.images.new("picture", 4, 4)
     node.image.source, node.image.filepath = source, path
-    shader = next(each for each in material.node_tree.nodes if each.type == "BSDF_PRINCIPLED")
-    material.node_tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
-    return material
+    tree.links.new(node.outputs["Color"], color)
 
 
 def test_missing_image_is_named_with_its_path_and_material(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
 from patchnet.tests.blender.engine_scene import build_for_engine
 from patchnet.tests.blender.job_scene import box, build
-from patchnet.tests.blender.objects import collection_instance, geometry_nodes, moved_to
+from patchnet.tests.blender.objects import collection_instance, geometry_nodes, group, moved_to
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import simple
 
@@ -198,9 +198,7 @@ def test_what_instances_leave_out(small: bpy.types.Scene) -> None:
 
 @pytest.mark.parametrize("flag", ["holdout", "indirect_only"])
 def test_one_collection_of_an_object_is_enough(small: bpy.types.Scene, flag: str) -> None:
-    made = bpy.data.collections.new("Held out")
-    small.collection.children.link(made)
-    made.objects.link(bpy.data.objects["Slab"])
+    group("Held out").objects.link(bpy.data.objects["Slab"])
     assert "Slab" in read()
     setattr(bpy.context.view_layer.layer_collection.children["Held out"], flag, True)
     assert "Slab" not in read() and "Lath 0" in read()
@@ -260,7 +258,7 @@ def test_objects_of_a_background_scene_are_mentioned(small: bpy.types.Scene) -> 
 
 def test_what_cuts_holes_is_named(small: bpy.types.Scene) -> None:
     bpy.data.objects["Lath 1"].is_holdout = bpy.data.objects["Lath 3"].is_shadow_catcher = True
-    bpy.context.scene.collection.children.link(collection("Made", bpy.data.objects["Lath 2"]))
+    group("Made", bpy.data.objects["Lath 2"])
     of_layer().holdout = True
     graph = bpy.context.evaluated_depsgraph_get()
     assert any("'Lath 1', 'Lath 2', 'Lath 3' have no voxels" in warning for warning in read_scene(graph).warnings)
@@ -308,8 +306,7 @@ def test_a_linked_scene_is_refused_with_a_sentence(small: bpy.types.Scene, tmp_p
 def test_each_view_layer_renders_its_own_objects(weights: Path, tmp_path: Path) -> None:
     """The voxels that are there stay those of the first one."""
     scene = build_for_engine(weights, tmp_path)
-    laths = collection("Laths", *(item for item in scene.objects if item.name.startswith("Lath")))
-    scene.collection.children.link(laths)
+    group("Laths", *(item for item in scene.objects if item.name.startswith("Lath")))
 
     def depth(layer: str) -> np.ndarray:
         path = Path(scene.render.filepath).with_name(f"{layer}.exr")

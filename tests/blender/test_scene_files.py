@@ -12,7 +12,7 @@ import pytest
 from patchnet.commands.shared.scene_argument import scene_path
 from patchnet.operators.scene.files import is_blend, open_scene
 from patchnet.patchnet_addon.runtime.errors import SceneError
-from patchnet.tests.blender.objects import link, mesh, read
+from patchnet.tests.blender.objects import link, mesh, new_camera, read
 
 
 @pytest.fixture
@@ -21,7 +21,7 @@ def triangle() -> bpy.types.Object:
     item = link(mesh("Triangle", [(0, 0, 0), (2, 0, 0), (0, 3, 0)], [(0, 1, 2)]))
     item.select_set(True)
     bpy.context.view_layer.objects.active = item
-    link(bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye")))
+    new_camera("Eye")
     return item
 
 

@@ -19,7 +19,7 @@ from patchnet.tests.blender.light_scene import picture as rendered
 from patchnet.tests.blender.objects import SQUARE, mesh
 from patchnet.tests.blender.objects import link as put
 from patchnet.tests.blender.objects import read as read_surface
-from patchnet.tests.blender.shaders import added, shader, shown
+from patchnet.tests.blender.shaders import added, shader, shown, simple
 from patchnet.tests.blender.shaders import image as any_image
 from patchnet.tests.blender.shaders import material as bare
 
@@ -27,10 +27,8 @@ pytestmark = pytest.mark.usefixtures("empty_scene")
 
 
 def principled(name: str = "Paint") -> tuple[bpy.types.Material, bpy.types.Node]:
-    material = bpy.data.materials.new(name)
-    if material.node_tree is None:
-        material.use_nodes = True
-    return material, next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    material = simple("BsdfPrincipled", name)
+    return material, material.node_tree.nodes["Principled BSDF"]
 
 
 def add(material: bpy.types.Material, kind: str, **inputs: object) -> bpy.types.Node:
@@ -93,8 +91,8 @@ def test_alpha_of_images_counts_as_in_cycles(kind: str, mode: str, is_used: bool
     glow, tree = bare("Glow")
     used = texture(glow, picture)
     used.interpolation = "Closest"
-    shown(tree, shader(tree, "Emission"))
-    emission = next(node for node in tree.nodes if node.type == "EMISSION")
+    emission = shader(tree, "Emission").node
+    shown(tree, emission.outputs[0])
     link(glow, used.outputs["Color"], emission.inputs["Color"])
     if is_used:
         link(glow, used.outputs["Alpha"], emission.inputs["Strength"])

@@ -8,7 +8,7 @@ from mathutils import Euler, Matrix
 
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError, GeometryError
 from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
-from patchnet.tests.blender.objects import collection_instance, cuboid, link, mesh, moved_to, read
+from patchnet.tests.blender.objects import collection_instance, cuboid, group, link, mesh, moved_to, read
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
@@ -102,7 +102,7 @@ def test_scope_follows_visibility() -> None:
     unrendered.hide_render = True
     invisible.visible_camera = False
     for name, item in (("Excluded", excluded), ("Disabled", disabled)):
-        bpy.context.scene.collection.children.link(moved_to(bpy.data.collections.new(name), item))
+        group(name, item)
     bpy.data.collections["Disabled"].hide_render = True
     bpy.context.view_layer.layer_collection.children["Excluded"].exclude = True
     assert {name for part in read().parts for name in part.objects} == {"A", "B"}

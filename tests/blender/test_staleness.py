@@ -9,13 +9,13 @@ import pytest
 
 from patchnet.operators.state.scene_state import scene_state
 from patchnet.tests.blender.job_scene import box, principled, result, run_small
-from patchnet.tests.blender.objects import slid
+from patchnet.tests.blender.objects import collection_instance, group, link, moved_to, slid
 
 pytestmark = pytest.mark.usefixtures("scene")
 
 
 def add_collection() -> None:
-    bpy.context.scene.collection.children.link(bpy.data.collections.new("Empty"))
+    group("Empty")
 
 
 def report_everything() -> None:
@@ -56,12 +56,8 @@ def test_another_view_layer_is_shown() -> None:
     bpy.context.view_layer.update()
     assert result().stale == set()
     window.view_layer = first
-    laths = bpy.data.collections.new("Laths")
-    scene.collection.children.link(laths)
+    group("Laths", bpy.data.objects["Lath 1"])
     other.layer_collection.children["Laths"].exclude = True
-    lath = bpy.data.objects["Lath 1"]
-    laths.objects.link(lath)
-    scene.collection.objects.unlink(lath)
     run_small()
     assert result().stale == set()
     for layer, stale in ((other, {"surface"}), (first, set())):
@@ -243,10 +239,10 @@ TABLE: dict[str, tuple[Callable[[], Actions], Marks]] = {
 def full() -> None:
     """The richer scene with an object of each kind that the table speaks of; meshes have names of their own."""
     richer()
-    scene, data = bpy.context.scene, bpy.data
+    data = bpy.data
     data.meshes["Slab"].name = "Slab mesh"
     for name in ("Nothing", "Handle", "Center", "Stand"):
-        scene.collection.objects.link(data.objects.new(name, None))
+        link(data.objects.new(name, None))
     for child, parent in (("Lath 3", "Handle"), ("Lamp", "Stand")):
         data.objects[child].parent = data.objects[parent]
     for name in ("Shade", "Unrendered", "Ball"):
@@ -263,7 +259,7 @@ def full() -> None:
     wire = data.curves.new("Wire", "CURVE")
     wire.splines.new("BEZIER").bezier_points.add(1)
     wire.bevel_depth = 0.1
-    scene.collection.objects.link(data.objects.new("Wire", wire))
+    link(data.objects.new("Wire", wire))
     bpy.context.view_layer.update()
 
 
@@ -293,20 +289,10 @@ def key_and_go() -> None:
 
 def richer() -> None:
     """The small scene with a world, a collection of its own, and an instance of what is only instanced."""
-    scene = bpy.context.scene
-    scene.world = bpy.data.worlds.new("Sky")
-    laths = bpy.data.collections.new("Laths")
-    scene.collection.children.link(laths)
-    lath = bpy.data.objects["Lath 4"]
-    scene.collection.objects.unlink(lath)
-    laths.objects.link(lath)
+    bpy.context.scene.world = bpy.data.worlds.new("Sky")
+    group("Laths", bpy.data.objects["Lath 4"])
     prototype = box("Prototype", (0, 0, 0), (0.1, 0.1, 0.1), 0.5)
-    scene.collection.objects.unlink(prototype)
-    instanced = bpy.data.collections.new("Instanced")
-    instanced.objects.link(prototype)
-    instance = bpy.data.objects.new("Instance", None)
-    instance.instance_type, instance.instance_collection = "COLLECTION", instanced
-    scene.collection.objects.link(instance)
+    collection_instance(moved_to(bpy.data.collections.new("Instanced"), prototype))
     bpy.context.view_layer.update()
 
 

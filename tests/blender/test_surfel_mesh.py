@@ -5,11 +5,11 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.patchnet_addon.light.surfel_triangles import _weights
 from patchnet.patchnet_addon.light.surfels import SURFEL
 from patchnet.tests.blender.job_scene import build
 from patchnet.tests.blender.light_scene import lit
+from patchnet.tests.blender.shaders import world
 
 
 @pytest.mark.parametrize("width", [1.0, 0.1, 1e-2, 1e-3])
@@ -40,8 +40,7 @@ def test_thin_boxes_in_even_light_are_even() -> None:
     for item in list(bpy.data.objects):
         if item.name.startswith("Lath") and item.name != "Lath 0":
             bpy.data.objects.remove(item)
-    world = bpy.context.scene.world = bpy.data.worlds.new("World")
-    start_nodes(world).nodes["Background"].inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    world().nodes["Background"].inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     octree = lit(depth=6, max_samples=2, size=(64, 64), exposure=1.0, gloss="off", sides="one").octree
     values = octree.luminance_float(octree.level(octree.depth))
     assert values.min() > 0.8 and np.ptp(values) < 0.02

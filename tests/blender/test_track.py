@@ -21,7 +21,7 @@ from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.tests.blender.engine_scene import build_for_engine, kept, passes_in
 from patchnet.tests.blender.job_scene import QUICK, frames_of_calls, saved
-from patchnet.tests.blender.objects import slid
+from patchnet.tests.blender.objects import new_camera, slid
 
 PASSES = "Combined", "Level", "Depth"
 
@@ -140,8 +140,7 @@ def test_frames_of_a_track(walk: bpy.types.Scene) -> None:
     assert track_frames(scene, (0, 9)) == range(10)
     names = [camera.name for camera in track_cameras(scene, (), (24, 16), (2, 3))]
     assert names == ["Eye, frame 2", "Eye, frame 3"]
-    still = bpy.data.objects.new("Still", bpy.data.cameras.new("Still"))
-    scene.collection.objects.link(still)
+    still = new_camera("Still")
     both = track_cameras(scene, ("all",), (24, 16), (2, 3))
     assert [camera.name for camera in both] == ["Eye, frame 2", "Still, frame 2", "Eye, frame 3"]
     scene.timeline_markers.new("eye", frame=2).camera = scene.camera

@@ -12,6 +12,7 @@ from patchnet.operators.properties.preferences import PatchNetPreferences
 from patchnet.operators.properties.stages import PatchNetSettings, camera_candidates
 from patchnet.operators.scene_access.lengths import length_text
 from patchnet.tests.blender.job_scene import build
+from patchnet.tests.blender.objects import new_camera
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -71,7 +72,7 @@ def test_cameras_are_searched_for() -> None:
     build()
     scene = bpy.context.scene
     for name in ("Far", "Near"):
-        scene.collection.objects.link(bpy.data.objects.new(name, bpy.data.cameras.new(name)))
+        new_camera(name)
 
     def names(text: str) -> list[str]:
         return [name for name, _ in camera_candidates(None, bpy.context, text)]

@@ -16,7 +16,7 @@ from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, LightCheck, check_camera, verify_light
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.objects import SQUARE, lamp, link, mesh, slab
+from patchnet.tests.blender.objects import SQUARE, lamp, link, mesh, new_camera, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import image, material, mixed, shader, shown, simple
 
@@ -85,9 +85,8 @@ def test_reference_is_diffuse_light_and_emission(empty_scene: None) -> None:
     for x, paint in ((-1.0, simple("Emission", Strength=2.0)), (1.0, simple("BsdfGlossy"))):
         link(mesh("Plate", [(a / 2, b / 2, c) for a, b, c in SQUARE], [(0, 1, 2, 3)], paint), (x, 0.0, 0.0))
     lamp("POINT", 50.0, shadow_soft_size=0.2)
-    data = bpy.data.cameras.new("Above")
-    data.type, data.ortho_scale, data.shift_x = "ORTHO", 4.0, 0.05
-    link(bpy.data.objects.new("Above", data), (-0.2, 0.0, 3.0))  # the shift brings the picture back
+    data = new_camera("Above", (-0.2, 0.0, 3.0)).data
+    data.type, data.ortho_scale, data.shift_x = "ORTHO", 4.0, 0.05  # the shift brings the picture back
     bpy.context.view_layer.update()
     bounds = np.array([[-2.0, -1.0, 0.0], [2.0, 1.0, 0.0]])
     (camera,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), ("Above",), (40, 20), bounds)

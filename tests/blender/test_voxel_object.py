@@ -13,6 +13,7 @@ from patchnet.operators.voxel_object import NAME
 from patchnet.patchnet_addon.octree.voxel_cloud import voxel_cloud, voxel_counts
 from patchnet.tests.blender.job_scene import build, render_by_cycles
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.training.commands.lab.furnished.models import vertices_of
 
 
 @pytest.fixture(autouse=True)
@@ -37,12 +38,6 @@ def evaluated(item: bpy.types.Object) -> bpy.types.Object:
     return item.evaluated_get(bpy.context.evaluated_depsgraph_get())
 
 
-def positions(mesh: bpy.types.Mesh) -> np.ndarray:
-    values = np.empty(len(mesh.vertices) * 3, np.float32)
-    mesh.vertices.foreach_get("co", values)
-    return values.reshape(-1, 3)
-
-
 def set_input(item: bpy.types.Object, name: str, value: object) -> None:
     """Set an input of the modifier as its panel does."""
     modifier = item.modifiers[NAME]
@@ -59,7 +54,7 @@ def set_input(item: bpy.types.Object, name: str, value: object) -> None:
 def test_one_vertex_a_voxel(scene: bpy.types.Scene) -> None:
     assert bpy.ops.patchnet.show_voxels(level=4) == {"FINISHED"}
     cloud, mesh = voxel_cloud(results.voxels_of(scene).octree, 4), shown().data
-    np.testing.assert_allclose(positions(mesh), cloud.centres_world, atol=1e-6)
+    np.testing.assert_allclose(vertices_of(mesh), cloud.centres_world, atol=1e-6)
     np.testing.assert_array_equal(attribute(mesh, "luminance"), cloud.luminance)
     np.testing.assert_array_equal(attribute(mesh, "side"), cloud.side_world)
 
@@ -71,8 +66,8 @@ def test_cubes_fill_the_voxels(scene: bpy.types.Scene) -> None:
     assert len(mesh.polygons) == 6 * len(cloud)
     assert mesh.attributes.active_color_name == "luminance_color"
     corners = np.concatenate([cloud.centres_world + sign * cloud.side_world[:, None] / 2 for sign in (-1, 1)])
-    assert positions(mesh).min(axis=0) == pytest.approx(corners.min(axis=0), abs=1e-5)
-    assert positions(mesh).max(axis=0) == pytest.approx(corners.max(axis=0), abs=1e-5)
+    assert vertices_of(mesh).min(axis=0) == pytest.approx(corners.min(axis=0), abs=1e-5)
+    assert vertices_of(mesh).max(axis=0) == pytest.approx(corners.max(axis=0), abs=1e-5)
     volume = sum(polygon.area for polygon in mesh.polygons) / 6
     assert volume == pytest.approx((cloud.side_world.astype(float) ** 2).sum(), rel=1e-4)
     set_input(item, "Size", 0.5)

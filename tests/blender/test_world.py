@@ -37,10 +37,8 @@ def seen_by(camera: Camera) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("world", "least"), [(gradient, 60.0), (sky, 40.0), (photograph, 35.0), (backdrop, 50.0)])
-def test_the_background_is_what_cycles_renders(
-    scene: bpy.types.Scene, world: Callable[[bpy.types.Scene], None], least: float
-) -> None:
-    world(scene)
+def test_the_background_is_what_cycles_renders(scene: bpy.types.Scene, world: Callable[[], None], least: float) -> None:
+    world()
     scene.camera.data.shift_x, scene.camera.data.lens = 0.1, 20.0
     camera = active_camera(SIZE)
     before = scene_snapshot()
@@ -50,7 +48,7 @@ def test_the_background_is_what_cycles_renders(
 
 
 def test_an_orthographic_camera_sees_one_colour(scene: bpy.types.Scene) -> None:
-    gradient(scene)
+    gradient()
     scene.camera.data.type = "ORTHO"
     camera = active_camera(SIZE)
     assert camera.kind == ORTHOGRAPHIC
@@ -58,7 +56,7 @@ def test_an_orthographic_camera_sees_one_colour(scene: bpy.types.Scene) -> None:
 
 
 def test_a_world_that_cameras_do_not_see_is_black(scene: bpy.types.Scene) -> None:
-    gradient(scene)
+    gradient()
     scene.world.cycles_visibility.camera = False
     camera = active_camera(SIZE)
     assert not seen_by(camera).any() and not shown_by_cycles(camera, 1).any()
@@ -69,7 +67,7 @@ def test_a_world_that_cameras_do_not_see_is_black(scene: bpy.types.Scene) -> Non
 def test_beside_a_window_parts_are_short_and_stop_between_two(
     scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    gradient(scene)
+    gradient()
     camera = active_camera(SIZE)
     whole = seen_by(camera)
     monkeypatch.setattr(environment, "_PATHS_IN_WINDOW", 12 * SIZE[0] * SAMPLES)
@@ -85,7 +83,7 @@ def test_beside_a_window_parts_are_short_and_stop_between_two(
 
 
 def test_a_map_shows_all_directions(scene: bpy.types.Scene) -> None:
-    gradient(scene)
+    gradient()
     known = drain(world_map(scene.world, (1, 0.0)))
     assert known.faces.shape == (6, MAP_SIDE_PX, MAP_SIDE_PX, 3)
     directions = np.random.default_rng(0).normal(size=(500, 3))
@@ -94,7 +92,7 @@ def test_a_map_shows_all_directions(scene: bpy.types.Scene) -> None:
 
 
 def test_a_render_beside_a_window_waits_for_the_map(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    gradient(scene)
+    gradient()
     camera = active_camera(SIZE)
     session_of(scene).world = KeyedMap("of another world", None)
     first = awaited(camera)
@@ -146,7 +144,7 @@ def test_a_viewport_shows_colours_at_once_and_a_sky_as_soon_as_there_is_a_map(
 
     scene.world = None
     assert not behind().world.any() and not asked, "a lamp lights, so that no sky of ours is there"
-    gradient(scene)
+    gradient()
     first = behind()
     assert not first.world.any() and behind(changed=False).identity == first.identity and asked == [scene.name]
     drain(keep_map(scene.name))
@@ -172,7 +170,7 @@ def test_a_scene_without_light_shows_the_sky_that_lights_it(scene: bpy.types.Sce
 
 def test_the_engine_renders_the_world_and_follows_film(registered: None, weights: Path, tmp_path: Path) -> None:
     scene = build_for_engine(weights, tmp_path)
-    gradient(scene)
+    gradient()
     found = rendered(scene)["Combined"]
     scene.render.film_transparent = True
     over_nothing = rendered(scene)["Combined"]

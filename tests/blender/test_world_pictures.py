@@ -15,13 +15,13 @@ from patchnet.operators.settings.groups import ViewSettings
 from patchnet.patchnet_addon.image.comparison import picture_psnr
 from patchnet.patchnet_addon.image.tone import srgb_encode
 from patchnet.tests.blender.job_scene import pixels_in, pixels_of
-from patchnet.tests.blender.shaders import image
-from patchnet.tests.blender.worlds import SIZE, gradient, nodes_of_world, run, shown_by_cycles
+from patchnet.tests.blender.shaders import image, world
+from patchnet.tests.blender.worlds import SIZE, gradient, run, shown_by_cycles
 
 
 def test_pictures_say_which_view_transform_they_have(scene: bpy.types.Scene, weights: Path, tmp_path: Path) -> None:
     """A pixel of known value in a saved picture is what Blender saves by Standard, whatever the scene's view is."""
-    nodes_of_world(scene)[1].inputs["Color"].default_value = (0.18, 0.5, 0.9, 1.0)
+    world().nodes["Background"].inputs["Color"].default_value = (0.18, 0.5, 0.9, 1.0)
     bpy.context.view_layer.update()
     saved = {}
     for name in ("Standard", "AgX", "Filmic"):
@@ -50,7 +50,7 @@ def saved_by_blender(scene: bpy.types.Scene, light: tuple[float, float, float], 
 
 
 def test_pictures_of_a_job_show_the_world_in_their_exposure(scene: bpy.types.Scene, weights: Path) -> None:
-    gradient(scene)
+    gradient()
     bpy.context.scene.cycles.pixel_filter_type = "BOX"  # so that rays count in their own pixel alone
     made = run(weights=weights, exposure=0.5, reference=True)
     black = run(weights=weights, exposure=0.5, reference=True, background="black")
@@ -77,7 +77,7 @@ def test_pictures_of_a_job_show_the_world_in_their_exposure(scene: bpy.types.Sce
 
 
 def test_transparent_pictures_have_alpha_in_files(scene: bpy.types.Scene, weights: Path, tmp_path: Path) -> None:
-    gradient(scene)
+    gradient()
     made = run(weights=weights, out=tmp_path / "out", background="transparent")
     view = made.views[0]
     folder = tmp_path / "out" / json.loads((tmp_path / "out" / "report.json").read_text())["frames"][0]["folder"]
@@ -100,7 +100,7 @@ def test_the_overlay_draws_pictures_with_alpha(scene: bpy.types.Scene, weights: 
 
 
 def test_as_film_follows_the_scene(scene: bpy.types.Scene, weights: Path) -> None:
-    gradient(scene)
+    gradient()
     scene.render.film_transparent = True
     assert run(weights=weights).views[0].pictures["refined"].shape[-1] == 4
     assert run(weights=weights, background="world").views[0].pictures["refined"].shape[-1] == 3

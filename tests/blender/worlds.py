@@ -9,58 +9,50 @@ import numpy as np
 
 from patchnet.operators.cycles.scene_copy import prepared, render
 from patchnet.operators.pipeline.run import JobResult, run_job
-from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.image.cycles_passes import combined_light
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.camera import Camera
-from patchnet.tests.blender.shaders import image, read_by
+from patchnet.tests.blender.shaders import image, read_by, world
 
 SIZE = (48, 32)
 
 
-def nodes_of_world(scene: bpy.types.Scene) -> tuple[bpy.types.NodeTree, bpy.types.Node]:
-    """A new world of the scene: its nodes, and the one that shines."""
-    scene.world = bpy.data.worlds.new("World")
-    tree = start_nodes(scene.world)
-    return tree, next(node for node in tree.nodes if node.type == "BACKGROUND")
-
-
-def gradient(scene: bpy.types.Scene) -> None:
+def gradient() -> None:
     """Red to the right, green ahead, blue above, each from 0 to 1."""
-    tree, shine = nodes_of_world(scene)
+    tree = world()
     place, half = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeVectorMath")
     half.operation, half.inputs[1].default_value, half.inputs[2].default_value = "MULTIPLY_ADD", [0.5] * 3, [0.5] * 3
     tree.links.new(place.outputs["Generated"], half.inputs[0])
-    tree.links.new(half.outputs[0], shine.inputs["Color"])
+    tree.links.new(half.outputs[0], tree.nodes["Background"].inputs["Color"])
 
 
-def sky(scene: bpy.types.Scene) -> None:
+def sky() -> None:
     """A sky texture with its sun in the picture."""
-    tree, shine = nodes_of_world(scene)
+    tree = world()
     texture = tree.nodes.new("ShaderNodeTexSky")
     texture.sun_elevation, texture.sun_rotation, texture.sun_size = 0.15, 0.1, 0.2
-    tree.links.new(texture.outputs[0], shine.inputs["Color"])
-    shine.inputs["Strength"].default_value = 0.1
+    tree.links.new(texture.outputs[0], tree.nodes["Background"].inputs["Color"])
+    tree.nodes["Background"].inputs["Strength"].default_value = 0.1
 
 
-def photograph(scene: bpy.types.Scene) -> None:
+def photograph() -> None:
     """An environment texture of 64 x 32 pixels."""
-    tree, shine = nodes_of_world(scene)
+    tree = world()
     picture = image("Photograph", np.random.default_rng(1).random((32, 64, 4)))
-    tree.links.new(read_by("TexEnvironment", image=picture)(tree), shine.inputs["Color"])
+    tree.links.new(read_by("TexEnvironment", image=picture)(tree), tree.nodes["Background"].inputs["Color"])
 
 
-def backdrop(scene: bpy.types.Scene) -> None:
+def backdrop() -> None:
     """Cameras see a gradient over the picture, all other rays a gray that lights."""
-    tree, shine = nodes_of_world(scene)
+    tree = world()
     path, mix = tree.nodes.new("ShaderNodeLightPath"), tree.nodes.new("ShaderNodeMixRGB")
     place = tree.nodes.new("ShaderNodeTexCoord")
     mix.inputs["Color1"].default_value = (0.3, 0.3, 0.3, 1.0)
     tree.links.new(path.outputs["Is Camera Ray"], mix.inputs["Fac"])
     tree.links.new(place.outputs["Window"], mix.inputs["Color2"])
-    tree.links.new(mix.outputs[0], shine.inputs["Color"])
+    tree.links.new(mix.outputs[0], tree.nodes["Background"].inputs["Color"])
 
 
 def shown_by_cycles(camera: Camera, samples: int = 64) -> np.ndarray:
