@@ -2,6 +2,7 @@
 """A small scene for whole jobs of one or two seconds: laths before a slab, a lamp, a camera."""
 
 import subprocess
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -10,14 +11,16 @@ import bpy
 import numpy as np
 import pytest
 
+from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.pipeline.views import View, view
 from patchnet.operators.scene.cameras import tracing_camera
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.operators.session.staleness import look_again
 from patchnet.operators.settings.groups import ViewSettings
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
-from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.tests.blender.objects import cuboid, lamp, new_camera, slid
 from patchnet.tests.blender.shaders import simple
 
@@ -143,6 +146,11 @@ def drop_result_images() -> None:
 def run_small(**values: object) -> None:
     """Run all stages on the open scene, in the two lights unless `values` say otherwise."""
     assert bpy.ops.patchnet.run_all(**{"light": "two-lights", **SMALL, **values}) == {"FINISHED"}
+
+
+def ran(hear: Callable[[Progress], object] | None = None, **settings: object) -> JobResult:
+    """Result of a job on the open scene, as scripts and commands run it; `hear` gets its reports."""
+    return drain(run_job(bpy.context, JobSettings.of(**settings)), hear)
 
 
 def result() -> SceneResult:

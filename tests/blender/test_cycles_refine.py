@@ -13,18 +13,17 @@ from patchnet.operators.computing.cycles_pixels import OWN_SIDE, CyclesView, wan
 from patchnet.operators.cycles import pixel_renders as renders
 from patchnet.operators.cycles import scene_copy
 from patchnet.operators.pipeline.cycles_refine import refine_view, wanted_surface
-from patchnet.operators.pipeline.run import JobResult, run_job
+from patchnet.operators.pipeline.run import JobResult
 from patchnet.operators.schema.values import COMBINED
 from patchnet.operators.session import results
 from patchnet.operators.settings.cycles_settings import CyclesSettings
-from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import Steps, drain
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.pixel_filter import EVEN_FOOTPRINT
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.full_scene import build_full
-from patchnet.tests.blender.job_scene import box, build, drop_result_images, principled
+from patchnet.tests.blender.job_scene import box, build, drop_result_images, principled, ran
 from patchnet.tests.blender.objects import active_camera, new_camera
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
@@ -35,16 +34,15 @@ CYCLES = CyclesSettings(budget=0.2, samples=32, compare=True)
 STOPS = 6
 
 
-def job(weights: Path, cycles: CyclesSettings | None = CYCLES, **values: object) -> JobSettings:
-    given = {"depth": 7, "max_samples": 2, "size": SIZE, "weights": weights, "cycles": cycles}
-    return JobSettings.of(**{**given, **values})
+def job(weights: Path, cycles: CyclesSettings | None = CYCLES, **values: object) -> JobResult:
+    return ran(depth=7, max_samples=2, size=SIZE, weights=weights, cycles=cycles, **values)
 
 
 @pytest.mark.parametrize(("light", "color"), [(True, False), (False, True)])
 def test_inside_is_a_render_and_outside_are_own_rays(light: bool, color: bool, weights: Path) -> None:
     build(light=light)
     before = scene_snapshot()
-    result = drain(run_job(bpy.context, job(weights, color=color)))
+    result = job(weights, color=color)
     assert_unchanged(before)
     (view,) = result.cycles
     assert view.full is not None
@@ -83,11 +81,11 @@ def test_pixels_are_rendered_at_once_or_in_parts_with_the_same_bits(
 ) -> None:
     build()
     settings = CyclesSettings(budget=0.5, samples=4)
-    whole = drain(run_job(bpy.context, job(weights, settings))).cycles[0]
+    whole = job(weights, settings).cycles[0]
     monkeypatch.setattr(renders, "FIRST_PATHS", 100)
     monkeypatch.setattr(renders, "PART_S", 0.0)
     labels = []
-    parts = drain(run_job(bpy.context, job(weights, settings)), lambda report: labels.append(report.label)).cycles[0]
+    parts = job(weights, settings, hear=lambda report: labels.append(report.label)).cycles[0]
     np.testing.assert_array_equal(parts.composited, whole.composited)
     assert parts.full is None and parts.errors == {}
     assert labels.count("Eye: Cycles") > 20, "of each row one"
@@ -123,7 +121,7 @@ def test_pixels_that_only_cycles_shows_are_rendered_first(weights: Path) -> None
     seen = np.max(list(alone.values()), axis=0)
     assert all((alpha > 0.9).sum() > 1 for alpha in alone.values()), {name: item.max() for name, item in alone.items()}
     assert wanted[seen > 0.9].all() and not wanted[seen == 0.0].any()
-    result = drain(run_job(bpy.context, job(weights, None, gloss="off")))
+    result = job(weights, None, gloss="off")
     traced = result.views[0]
 
     def refined(budget: float) -> CyclesView:
@@ -262,17 +260,17 @@ def test_cycles_says_so_when_it_has_finished() -> None:
 
 def test_a_budget_of_nothing_and_of_all(weights: Path) -> None:
     build()
-    nothing = drain(run_job(bpy.context, job(weights, CyclesSettings(budget=0.0, samples=1)))).cycles[0]
+    nothing = job(weights, CyclesSettings(budget=0.0, samples=1)).cycles[0]
     assert nothing.report["seconds"]["pixels"] == 0.0
     combined = CyclesSettings(budget=1.0, samples=32, light=COMBINED, compare=True)
-    everything = drain(run_job(bpy.context, job(weights, combined))).cycles[0]
+    everything = job(weights, combined).cycles[0]
     assert everything.mask.all()
     assert_same(everything.composited, everything.full)
 
 
 def test_stopped_anywhere_the_scene_is_as_before(weights: Path, tmp_path: Path) -> None:
     build_full(tmp_path, "EDIT")
-    result = drain(run_job(bpy.context, job(weights, None)))
+    result = job(weights, None)
     view = result.views[0]
     before = scene_snapshot()
 

@@ -10,13 +10,10 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators.pipeline.run import run_job
-from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.empty_view import BLACK_VIEWS
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.blender.engine_scene import build_for_engine, rendered
-from patchnet.tests.blender.job_scene import build, principled, render_by_cycles, saved
+from patchnet.tests.blender.job_scene import build, principled, ran, render_by_cycles, saved
 from patchnet.tests.blender.light_scene import lit
 from patchnet.tests.blender.objects import SQUARE, active_camera, lamp, link, look_from, mesh
 from patchnet.tests.blender.shaders import glowing, grey, material, read_by, simple
@@ -67,8 +64,8 @@ def test_black_materials_are_named_as_the_reason(weights: Path) -> None:
     build()
     for paint in bpy.data.materials:
         principled(paint.name).inputs["Base Color"].default_value = (0.0, 0.0, 0.0, 1.0)
-    settings = JobSettings.of(depth=5, light="two-lights", size=(24, 16), weights=weights, strategy="patchnet-behind")
-    assert drain(run_job(bpy.context, settings)).warnings == (
+    settings = {"depth": 5, "light": "two-lights", "size": (24, 16), "strategy": "patchnet-behind"}
+    assert ran(weights=weights, **settings).warnings == (
         "Camera 'Eye' sees only black: all materials of the surface are black: 'Slab', 'Lath 0', 'Lath 1', "
         "'Lath 2', 'Lath 3' and 1 more",
     )
@@ -80,8 +77,8 @@ def test_lamp_that_reaches_nothing_is_named_as_the_reason(weights: Path) -> None
     lamp.data.type, lamp.data.energy = "SPOT", 10.0
     lamp.location, lamp.rotation_euler = (0.0, 0.0, 50.0), (np.pi, 0.0, 0.0)  # into the sky
     bpy.context.view_layer.update()
-    settings = JobSettings.of(depth=5, max_samples=2, size=(24, 16), weights=weights, strategy="patchnet-behind")
-    (warning,) = drain(run_job(bpy.context, settings)).warnings
+    settings = {"depth": 5, "max_samples": 2, "size": (24, 16), "strategy": "patchnet-behind"}
+    (warning,) = ran(weights=weights, **settings).warnings
     assert warning.startswith("Camera 'Eye' sees only black: no light of the scene reaches 'Slab'")
 
 
@@ -140,11 +137,10 @@ def test_clipping_is_that_of_cycles(kind: str, weights: Path, tmp_path: Path) ->
     eye = bpy.data.objects["Eye"]
     eye.location, eye.rotation_euler = (0.0, -5.0, 0.0), (np.pi / 2, 0.0, 0.0)
     eye.data.type, eye.data.ortho_scale = kind, 3.0
-    settings = JobSettings.of(depth=6, light="two-lights", size=(24, 16), weights=weights, strategy="patchnet")
     for clip, seen in (((4.8, 100.0), "slab"), ((0.1, 5.0), "laths"), ((0.1, 100.0), "both")):
         eye.data.clip_start, eye.data.clip_end = clip
         bpy.context.view_layer.update()
-        result = drain(run_job(bpy.context, settings))
+        result = ran(depth=6, light="two-lights", size=(24, 16), weights=weights, strategy="patchnet")
         hits = result.views[0].buffers.hits
         depth = hits.z_world[hits.hit]
         assert ((depth > 5.2).any(), (depth < 4.8).any()) == {

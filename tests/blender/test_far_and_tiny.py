@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from patchnet.operators.pipeline.run import JobResult, run_job
-from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.operators.pipeline.run import JobResult
 from patchnet.patchnet_addon.runtime.errors import GeometryError
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.job_scene import build
+from patchnet.tests.blender.job_scene import build, ran
 
 
 def placed(offset: float = 0.0, scale: float = 1.0) -> None:
@@ -29,11 +27,10 @@ def placed(offset: float = 0.0, scale: float = 1.0) -> None:
 
 
 def look(weights: Path, light: str = "two-lights") -> JobResult:
-    settings = JobSettings.of(depth=5, light=light, max_samples=2, size=(24, 16), weights=weights, strategy="patchnet")
-    settings = settings.changed(reference=True)
+    small = {"depth": 5, "max_samples": 2, "size": (24, 16), "strategy": "patchnet", "reference": True}
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)  # of NumPy
-        return drain(run_job(bpy.context, settings))
+        return ran(light=light, weights=weights, **small)
 
 
 @pytest.fixture(scope="module")

@@ -7,13 +7,10 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.scene.track import track_cameras
 from patchnet.operators.session import results
-from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.tests.blender.job_scene import drop_result_images
+from patchnet.tests.blender.job_scene import drop_result_images, ran
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 SIZE = (50, 30)
@@ -62,8 +59,7 @@ def test_a_track_serves_all_frames_and_leaves_the_scene_at_its_own(scene: bpy.ty
     move_camera(scene)
     scene.frame_set(4)
     before = scene_snapshot()
-    settings = JobSettings.of(track=True, light="two-lights", size=SIZE, weights=weights)
-    result = drain(run_job(bpy.context, settings))
+    result = ran(track=True, light="two-lights", size=SIZE, weights=weights)
     assert scene.frame_current == 4
     assert_unchanged(before)
     octree = result.coded.octree
@@ -72,7 +68,7 @@ def test_a_track_serves_all_frames_and_leaves_the_scene_at_its_own(scene: bpy.ty
     for camera in cameras:
         hits = first_hits(octree, camera)
         assert hits.hit.mean() > 0.1 and octree.look_ahead()[hits.node[hits.hit]].mean() > 0.98
-    alone = drain(run_job(bpy.context, JobSettings.of(light="two-lights", size=SIZE, weights=weights)))
+    alone = ran(light="two-lights", size=SIZE, weights=weights)
     assert alone.coded.octree.leaf_count < octree.leaf_count
 
 
@@ -82,6 +78,5 @@ def test_a_camera_that_stands_still_is_one_view(scene: bpy.types.Scene) -> None:
 
 
 def test_a_small_memory_limit_is_said(scene: bpy.types.Scene, weights: Path) -> None:
-    settings = JobSettings.of(light="two-lights", size=SIZE, weights=weights, memory=3_000_000 / 2**30)
-    result = drain(run_job(bpy.context, settings))
+    result = ran(light="two-lights", size=SIZE, weights=weights, memory=3_000_000 / 2**30)
     assert any("will have look-ahead" in warning for warning in result.warnings)

@@ -11,13 +11,10 @@ import pytest
 from patchnet.commands import main
 from patchnet.operators.importance.painted import Importance
 from patchnet.operators.importance.pixels import importance_key
-from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.pipeline.views import View
 from patchnet.operators.session.views import image_name
-from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
-from patchnet.tests.blender.job_scene import SMALL, pixels_of, saved
+from patchnet.tests.blender.job_scene import SMALL, pixels_of, ran, saved
 from patchnet.tests.blender.shaders import image
 
 pytestmark = pytest.mark.usefixtures("scene")
@@ -26,10 +23,8 @@ WIDTH, HEIGHT = SMALL["size"]
 
 
 def look(weights: Path, importance: Importance | None, **values: object) -> View:
-    settings = JobSettings.of(
-        **{"light": "two-lights", "weights": weights, **SMALL, "importance": importance, "reference": True, **values}
-    )
-    return drain(run_job(bpy.context, settings)).views[0]
+    settings = {"light": "two-lights", "weights": weights, **SMALL, "importance": importance, "reference": True}
+    return ran(**settings | values).views[0]
 
 
 def painted(name: str = "Mask", size: tuple[int, int] = (WIDTH, HEIGHT)) -> bpy.types.Image:
@@ -77,10 +72,8 @@ def test_weights_are_interpolated_and_go_with_the_object(weights: Path) -> None:
     slab.vertex_groups["Matters"].add(right, 1.0, "REPLACE")
     slab.location.x = 0.4
     bpy.context.view_layer.update()
-    settings = JobSettings.of(
-        light="two-lights", weights=weights, scope="SELECTED", importance=Importance(vertex_group="Matters"), **SMALL
-    )
-    result = drain(run_job(bpy.context, settings))
+    importance = Importance(vertex_group="Matters")
+    result = ran(light="two-lights", weights=weights, scope="SELECTED", importance=importance, **SMALL)
     said = result.report["settings"]
     assert (said["importance"], said["importance_group"]) == ("VERTEX_GROUP", "Matters") and "spp" in said
     assert said["size"] == [WIDTH, HEIGHT] and "importance_image" not in said

@@ -7,10 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.pipeline.run import JobResult, run_job
-from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.job_scene import build, random_weights
+from patchnet.operators.pipeline.run import JobResult
+from patchnet.tests.blender.job_scene import build, ran, random_weights
 
 SIZE = (50, 30)
 LENS_MM = 480.0  # a long lens, so that leaves are on levels below the coarsest
@@ -22,11 +20,11 @@ def near(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return random_weights(tmp_path_factory.mktemp("near"), lookahead=1)
 
 
-def ran(weights: Path, **values: object) -> JobResult:
+def fitted(weights: Path, **values: object) -> JobResult:
     build()
     bpy.context.scene.camera.data.lens = LENS_MM
     bpy.context.view_layer.update()
-    return drain(run_job(bpy.context, JobSettings.of(light="two-lights", size=SIZE, weights=weights, **values)))
+    return ran(light="two-lights", size=SIZE, weights=weights, **values)
 
 
 def share_ahead(result: JobResult, lookahead: int) -> float:
@@ -35,7 +33,7 @@ def share_ahead(result: JobResult, lookahead: int) -> float:
 
 
 def test_depth_follows_the_weights(weights: Path, near: Path) -> None:
-    two, one = ran(weights), ran(near)
+    two, one = fitted(weights), fitted(near)
     assert one.coded.octree.depth == two.coded.octree.depth - 1 > 8
     for result, lookahead in ((two, 2), (one, 1)):
         buffers = result.views[0].buffers

@@ -20,9 +20,8 @@ from patchnet.patchnet_addon.codes.file import load_codes
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.tests.blender.job_scene import SMALL, build, drop_result_images, pixels_in, pixels_of, run_small
+from patchnet.tests.blender.job_scene import SMALL, build, drop_result_images, pixels_in, pixels_of, ran, run_small
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("scene")
@@ -60,8 +59,7 @@ def test_operator_script_and_files_have_the_same_pictures(
     run_small(reference=True, out=str(tmp_path))
     shown = {name: pixels_of(bpy.data.images[image_name("Eye", name)])[..., :3] for name in PICTURES}
     raw = pixels_of(bpy.data.images["PatchNet Eye priority"])[..., 0]
-    settings = JobSettings.of(depth=7, size=(24, 16), light="two-lights", weights=weights, reference=True)
-    view = drain(run_job(bpy.context, settings)).views[0]
+    view = ran(depth=7, size=(24, 16), light="two-lights", weights=weights, reference=True).views[0]
     np.testing.assert_array_equal(raw, view.priority)
     for name, picture in shown.items():
         np.testing.assert_allclose(picture, view.pictures[name], atol=0.51 / 255)

@@ -8,12 +8,11 @@ import bpy
 import numpy as np
 
 from patchnet.operators.cycles.scene_copy import prepared, render
-from patchnet.operators.pipeline.run import JobResult, run_job
-from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.operators.pipeline.run import JobResult
 from patchnet.patchnet_addon.image.cycles_passes import combined_light
 from patchnet.patchnet_addon.image.exr import read_exr
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.tests.blender.job_scene import ran
 from patchnet.tests.blender.shaders import image, read_by, world
 
 SIZE = (48, 32)
@@ -73,5 +72,4 @@ def shown_by_cycles(camera: Camera, samples: int = 64) -> np.ndarray:
 
 
 def run(**values: object) -> JobResult:
-    settings = JobSettings.of(depth=6, size=SIZE, light="two-lights", budget=0.5, **values)
-    return drain(run_job(bpy.context, settings))
+    return ran(depth=6, size=SIZE, light="two-lights", budget=0.5, **values)
