@@ -7,6 +7,7 @@ import bpy
 
 from patchnet.tests.blender.job_scene import box, build
 from patchnet.tests.blender.objects import group
+from patchnet.tests.blender.shaders import read_by
 
 
 def build_full(folder: Path, mode: str = "OBJECT") -> None:
@@ -102,9 +103,7 @@ def _images(folder: Path) -> None:
     saved.filepath_raw, saved.file_format = str(folder / "saved.png"), "PNG"
     saved.save()
     tree = bpy.data.materials["Slab"].node_tree
-    node = tree.nodes.new("ShaderNodeTexImage")
-    node.image = saved
-    tree.links.new(node.outputs[0], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    tree.links.new(read_by("TexImage", image=saved)(tree), tree.nodes["Principled BSDF"].inputs["Base Color"])
 
 
 def _animation() -> None:

@@ -17,7 +17,7 @@ from patchnet.tests.blender.light_scene import (
 )
 from patchnet.tests.blender.objects import SQUARE, collection_instance, geometry_nodes, link, mesh, moved_to, read, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-from patchnet.tests.blender.shaders import Maker, glowing, material, read_by, shown, world
+from patchnet.tests.blender.shaders import Maker, glowing, read_by, simple, world
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -311,10 +311,6 @@ def test_what_depends_on_the_angle_is_the_mean_of_all_views() -> None:
 def test_cloth_is_the_mean_of_all_views(kind: str, inputs: dict) -> None:
     """Under an even sky."""
     world().nodes["Background"].inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
-    paint, tree = material("Cloth")
-    cloth = tree.nodes.new(f"ShaderNode{kind}")
-    for name, value in inputs.items():
-        cloth.inputs[name].default_value = value
-    shown(tree, cloth.outputs[0])
+    paint = simple(kind, "Cloth", **inputs)
     (warning,) = assert_mean_of_views(paint, 64, rel=0.05).warnings
-    assert f"'{cloth.name}' of material 'Cloth'" in warning
+    assert f"'{paint.node_tree.nodes[-1].name}' of material 'Cloth'" in warning

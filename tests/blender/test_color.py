@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.tests.blender.job_scene import box, render_by_cycles
 from patchnet.tests.blender.light_scene import lit
 from patchnet.tests.blender.objects import active_camera, lamp, look_from
-from patchnet.tests.blender.shaders import image
+from patchnet.tests.blender.shaders import image, read_by
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -52,9 +52,8 @@ def stripe(wall: bpy.types.Object, shader: bpy.types.Node) -> None:
         corner = wall.data.vertices[loop.vertex_index].co
         layer.data[loop.index].uv = (corner.x - 0.5, corner.z)
     tree = shader.id_data
-    node = tree.nodes.new("ShaderNodeTexImage")
-    node.image, node.interpolation = texture, "Linear"
-    tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+    color = read_by("TexImage", image=texture, interpolation="Linear")
+    tree.links.new(color(tree), shader.inputs["Base Color"])
 
 
 def regions() -> dict[str, np.ndarray]:

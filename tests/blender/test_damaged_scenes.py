@@ -224,8 +224,8 @@ def test_unexpected_errors_concern_one_object_alone(
     for each, x in (("Good", 0.0), ("Bad", 2.0)):
         paint = reading("attribute_name", "Color")
         paint.name = each
-        node = paint.node_tree.nodes.new("ShaderNodeObjectInfo")
-        paint.node_tree.links.new(node.outputs["Random"], paint.node_tree.nodes["Emission"].inputs["Strength"])
+        tree = paint.node_tree
+        tree.links.new(read_by("ObjectInfo", "Random")(tree), tree.nodes["Emission"].inputs["Strength"])
         item = cuboid(each, *CUBE, paint)
         item.location.x = x
         item.data.uv_layers.new(name="UVMap")

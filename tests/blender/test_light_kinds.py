@@ -116,9 +116,7 @@ def test_translucent_leaves() -> None:
     green = shader(group, "BsdfTranslucent", Color=(0.3, 0.9, 0.3, 1.0))
     sides = mixed(group, shader(group, "BsdfDiffuse", Color=(0.2, 0.2, 0.2, 1.0)), green, 0.7)
     group.links.new(sides, group.nodes.new("NodeGroupOutput").inputs[0])
-    user = tree.nodes.new("ShaderNodeGroup")
-    user.node_tree = group
-    shown(tree, user.outputs[0])
+    shown(tree, read_by("Group", 0, node_tree=group)(tree))
     pane("Leaf", paint, 0.0).location.x = 0.0
     for z in (0.5, -0.5):
         pane("Roof", grey(0.0), z)

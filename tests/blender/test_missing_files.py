@@ -56,8 +56,7 @@ def linked(tmp_path: Path) -> tuple[Path, Path]:
     build()
     saved(library)
     build()
-    for item in [item for item in bpy.data.objects if item.type == "MESH"]:
-        bpy.data.objects.remove(item)
+    bpy.data.batch_remove([item for item in bpy.data.objects if item.type == "MESH"])
     with bpy.data.libraries.load(str(library), link=True) as (_, into):
         into.objects = ["Slab"]
     bpy.context.scene.collection.objects.link(into.objects[0])

@@ -11,7 +11,7 @@ from mathutils import Matrix
 from patchnet.operators.verify_light import LightCheck
 from patchnet.tests.blender.light_scene import assert_as_cycles, checked
 from patchnet.tests.blender.objects import SQUARE, cuboid, lamp, link, look_from, mesh, read, slab
-from patchnet.tests.blender.shaders import grey, image, material, shader, shown, simple, world
+from patchnet.tests.blender.shaders import grey, image, material, read_by, shader, shown, simple, world
 
 LEAST_PSNR_DB, RATIO = 26.0, 0.04
 
@@ -110,11 +110,10 @@ def test_screens_are_as_sharp_as_their_images(kind: str) -> None:
     texture = image("Film", np.broadcast_to(squares, (16, 16, 4)))
     texture.pack()
     film, tree = material("Film")
-    node = tree.nodes.new("ShaderNodeTexImage")
-    node.image, node.interpolation = texture, "Closest"
+    color = read_by("TexImage", image=texture, interpolation="Closest")
     values = {"Base_Color": (0, 0, 0, 1), "Emission_Strength": 1.0} if kind == "BsdfPrincipled" else {}
     surface = shader(tree, kind, **values)
-    tree.links.new(node.outputs["Color"], surface.node.inputs["Emission Color" if values else "Color"])
+    tree.links.new(color(tree), surface.node.inputs["Emission Color" if values else "Color"])
     shown(tree, surface)
     screen = sheet("Screen", 0.0, 0.6, film)
     screen.data.uv_layers.new(name="UVMap").uv.foreach_set("vector", [0, 0, 1, 0, 1, 1, 0, 1])

@@ -21,9 +21,7 @@ def scene(registered: None, weights: Path, tmp_path: Path) -> bpy.types.Scene:
     """Boards that shine evenly, before black: all that pictures show is coverage."""
     scene = build_for_engine(weights, tmp_path)
     scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
-    for item in list(scene.objects):
-        if item.type == "MESH":
-            bpy.data.objects.remove(item)
+    bpy.data.batch_remove([item for item in scene.objects if item.type == "MESH"])
     shining = simple("Emission", "Shining")
     for number in range(4):
         bpy.ops.mesh.primitive_plane_add(size=1.0, location=(0.55 * number - 0.8, 0.0, 0.0))

@@ -139,9 +139,7 @@ def test_depth_and_normal_are_those_of_cycles(scene: bpy.types.Scene) -> None:
     """Seen from near with a wide lens, distance along the ray would be longer by half at the corners."""
     layer = bpy.context.view_layer
     layer.use_pass_z = layer.use_pass_normal = True
-    for item in list(scene.objects):
-        if item.name.startswith("Lath"):
-            bpy.data.objects.remove(item)
+    bpy.data.batch_remove([item for item in scene.objects if item.name.startswith("Lath")])
     scene.camera.location, scene.camera.data.lens = (0.2, -1.3, 0.1), 18.0
     scene.render.resolution_x, scene.render.resolution_y = 320, 208
     scene.patchnet.depth = 8
@@ -185,9 +183,7 @@ def test_errors_and_warnings_are_sentences(scene: bpy.types.Scene, capfd: pytest
     with pytest.raises(RuntimeError, match="choose a perspective or orthographic camera"):
         bpy.ops.render.render()
     scene.camera.data.type = "PERSP"
-    for item in list(scene.objects):
-        if item.type == "MESH":
-            bpy.data.objects.remove(item)
+    bpy.data.batch_remove([item for item in scene.objects if item.type == "MESH"])
     with pytest.raises(RuntimeError, match="No visible object has a surface"):
         bpy.ops.render.render()
 

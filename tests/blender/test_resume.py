@@ -20,6 +20,7 @@ from patchnet.tests.blender.job_scene import build, principled
 from patchnet.tests.blender.light_scene import Baked, bake_job, on_bake
 from patchnet.tests.blender.objects import geometry_nodes, look_from
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.tests.blender.shaders import read_by
 
 LABEL, CALL_SURFELS = "Baking light", 500
 
@@ -213,14 +214,10 @@ def richer_scene(folder: Path) -> None:
     group.links.new(rgb.outputs[0], ramp.inputs[0])
     group.links.new(ramp.outputs[0], group.nodes.new("NodeGroupOutput").inputs[0])
     tree = bpy.data.materials["Slab"].node_tree
-    node = tree.nodes.new("ShaderNodeGroup")
-    node.node_tree = group
-    tree.links.new(node.outputs[0], principled("Slab").inputs["Base Color"])
-    texture = bpy.data.materials["Lath 3"].node_tree.nodes.new("ShaderNodeTexImage")
-    texture.image = bpy.data.images.new("Painted", 4, 4, float_buffer=True)
-    for name in ("Packed", "Picture"):
-        texture = bpy.data.materials["Lath 3"].node_tree.nodes.new("ShaderNodeTexImage")
-        texture.image = bpy.data.images.new(name, 4, 4)
+    tree.links.new(read_by("Group", 0, node_tree=group)(tree), principled("Slab").inputs["Base Color"])
+    for name in ("Painted", "Packed", "Picture"):
+        picture = bpy.data.images.new(name, 4, 4, float_buffer=name == "Painted")
+        read_by("TexImage", image=picture)(bpy.data.materials["Lath 3"].node_tree)
     pack(0.5)
     bpy.data.images["Picture"].filepath_raw = str(folder / "picture.png")
     bpy.data.images["Picture"].file_format = "PNG"

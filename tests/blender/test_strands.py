@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
 from patchnet.tests.blender.light_scene import assert_as_cycles, checked
 from patchnet.tests.blender.objects import geometry_nodes, lamp, link, look_from, read, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-from patchnet.tests.blender.shaders import grey, simple, world
+from patchnet.tests.blender.shaders import grey, read_by, simple, world
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 LEAST_PSNR_DB, RATIO = 24.0, 0.06
@@ -170,8 +170,7 @@ def test_attributes_reach_the_corners() -> None:
     """Those of points and of strands, which materials name."""
     item = curves(2)
     item.data.attributes.new("Wet", "FLOAT", "CURVE").data.foreach_set("value", [0.25, 0.75])
-    node = item.data.materials[0].node_tree.nodes.new("ShaderNodeAttribute")
-    node.attribute_name = "Wet"
+    read_by("Attribute", attribute_name="Wet")(item.data.materials[0].node_tree)
     (part,) = read().parts
     wet = part.mesh.layers["Wet"]
     assert wet.shape == (len(part.mesh), 3, 1)

@@ -36,10 +36,7 @@ def test_surfels_lie_within_their_triangles_and_face_as_they_do(width: float) ->
 def test_thin_boxes_in_even_light_are_even() -> None:
     """Laths, whose sides are long triangles, before a white world and nothing else."""
     build(light=False)
-    bpy.data.objects.remove(bpy.data.objects["Slab"])
-    for item in list(bpy.data.objects):
-        if item.name.startswith("Lath") and item.name != "Lath 0":
-            bpy.data.objects.remove(item)
+    bpy.data.batch_remove([item for item in bpy.data.objects if item.type == "MESH" and item.name != "Lath 0"])
     world().nodes["Background"].inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     octree = lit(depth=6, max_samples=2, size=(64, 64), exposure=1.0, gloss="off", sides="one").octree
     values = octree.luminance_float(octree.level(octree.depth))

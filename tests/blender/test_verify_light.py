@@ -18,7 +18,7 @@ from patchnet.operators.verify_light import CheckSettings, LightCheck, check_cam
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.objects import SQUARE, lamp, link, mesh, new_camera, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-from patchnet.tests.blender.shaders import image, material, mixed, shader, shown, simple
+from patchnet.tests.blender.shaders import image, material, mixed, read_by, shader, shown, simple
 
 LEAST_PSNR_DB = 30.0  # at depth 7, where a voxel is 16 mm
 RATIO = 0.04
@@ -66,10 +66,8 @@ def test_uvs_far_beyond_a_cut_out_that_does_not_repeat() -> None:
     hole = image("Hole", pixels)
     hole.pack()
     paint, tree = material("Hole")
-    node = tree.nodes.new("ShaderNodeTexImage")
-    node.image, node.extension = hole, "EXTEND"
     surface = mixed(tree, shader(tree, "BsdfTransparent"), shader(tree, "BsdfDiffuse", Color=(0.5, 0.5, 0.5, 1.0)), 0.5)
-    tree.links.new(node.outputs["Alpha"], surface.node.inputs[0])
+    tree.links.new(read_by("TexImage", "Alpha", image=hole, extension="EXTEND")(tree), surface.node.inputs[0])
     shown(tree, surface)
     item = slab("Far", paint)
     uvs = 1e7 * np.random.default_rng(1).uniform(-1.0, 1.0, (len(item.data.loops), 2))

@@ -159,8 +159,7 @@ def test_a_viewport_shows_colours_at_once_and_a_sky_as_soon_as_there_is_a_map(
 
 
 def test_a_scene_without_light_shows_the_sky_that_lights_it(scene: bpy.types.Scene) -> None:
-    for lamp in [item for item in scene.objects if item.type == "LIGHT"]:
-        bpy.data.objects.remove(lamp)
+    bpy.data.objects.remove(bpy.data.objects["Lamp"])
     scene.world = None
     depsgraph = bpy.context.evaluated_depsgraph_get()
     lit = drain(background(depsgraph, active_camera(SIZE), "AUTO", baked=True)).light
