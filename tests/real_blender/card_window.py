@@ -18,7 +18,7 @@ from mathutils import Quaternion
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, PACKAGE, Visit, choose, engine, module, result, watched
+from visits import OUT, Visit, choose, engine, made, module, preferences, result, watched
 
 NAME, TURNED_S = sys.argv[-2], float(sys.argv[-1])
 visit = Visit(NAME)
@@ -27,7 +27,7 @@ viewports: list = []
 
 
 def prefer(viewport: str) -> None:
-    bpy.context.preferences.addons[PACKAGE].preferences.viewport = viewport
+    preferences().viewport = viewport
     clicks.area("VIEW_3D").tag_redraw()
 
 
@@ -233,7 +233,7 @@ def ended_exactly(viewport) -> bool:
 
 def no_room():
     """The card has room for voxels alone: the CPU goes on at rest, with rays that end on the surface."""
-    octree, values = result().octree, bpy.context.preferences.addons[PACKAGE].preferences
+    octree, values = result().octree, preferences()
     card_bytes, allowed = module("gpu_view.packing").card_bytes, values.card_gib
     assert card_bytes(octree) > 1.01 * card_bytes(octree.without_pieces())
     values.card_gib = 1.001 * card_bytes(octree.without_pieces()) / (1 << 30)
@@ -268,8 +268,7 @@ def freed():
 
 def reloaded():
     """Voxels again, and another file, which frees them; nothing crashes."""
-    for step in ("voxelize", "bake_light"):
-        getattr(bpy.ops.patchnet, step)()
+    made("voxelize", "bake_light")
     clicks.area("VIEW_3D").tag_redraw()
     yield from clicks.wait_for(lambda: module("gpu_view.cards").is_there(result().octree), "on the card again", 60.0)
     sessions = module("session.scene_session")
@@ -280,8 +279,7 @@ def reloaded():
     yield 3.0
     module("session.scene_session").give_back()
     seen["octrees after another file"] = len(module("gpu_view.cards")._cards())
-    for step in ("voxelize", "bake_light"):  # of the file that was saved while the view turned
-        getattr(bpy.ops.patchnet, step)()
+    made("voxelize", "bake_light")  # of the file that was saved while the view turned
     for area in views():
         area.spaces.active.shading.type = "RENDERED"  # a file opens in Solid
     yield from clicks.wait_for(rested, "all samples in the file that was saved", 300.0)
@@ -297,13 +295,10 @@ def session():
         resolution="DEPTH", depth=8, scope="VISIBLE", light="two-lights", color=True, render_samples=16.0, shape="exact"
     )
     watched(viewports)
-    for step in ("voxelize", "bake_light"):
-        getattr(bpy.ops.patchnet, step)()
+    made("voxelize", "bake_light")
     seen["card"] = module("gpu_view.cards").BlenderDevice().name
     parts = picture, moves, split, heat, turning, by_priority, no_room, workspaces, freed, reloaded
-    for part in parts if TURNED_S < 60 else (turning, reloaded):
-        yield from part()
-        visit.save(part.__name__)
+    yield from visit.parts(*(parts if TURNED_S < 60 else (turning, reloaded)))
 
 
 visit.play(session())

@@ -21,7 +21,7 @@ sys.path.insert(1, str(Path(__file__).parents[1] / "blender"))
 import clicks
 import scene_snapshot
 import x_keys
-from visits import OUT, Visit, choose, module, open_panels, open_tab, running, tabs
+from visits import OUT, Visit, choose, ends_of_renders, made, module, open_panels, open_tab, running, tabs
 
 PART = sys.argv[-1]
 SIZE = (48, 32)
@@ -33,7 +33,7 @@ THIRD = 3  # render: after the pixel with which Cycles reads the scene, and the 
 visit = Visit(f"cycles-{PART}")
 seen = visit.seen
 begun: list[str] = []
-ended: list[str] = []
+ended = ends_of_renders()
 watch = {"ticks": 0, "draws": 0, "fractions": set()}
 
 
@@ -62,14 +62,12 @@ def prepare() -> clicks.Session:
     build()
     yield 0.2
     with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D")):
-        for step in ("voxelize", "bake_light", "precompute_codes"):
-            getattr(bpy.ops.patchnet, step)()
+        made("voxelize", "bake_light", "precompute_codes")
         bpy.ops.render.render()
         clicks.window().scene.timeline_markers.new("Cut", frame=1).camera = bpy.data.objects["Elsewhere"]
         bpy.ops.object.mode_set(mode="EDIT")
     bpy.app.handlers.render_init.append(lambda *_: begun.append("render"))
-    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
-    bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
+    ended.clear()  # of the user's own
     bpy.types.SpaceView3D.draw_handler_add(drawn, (), "WINDOW", "POST_PIXEL")
     yield 0.2
 

@@ -17,7 +17,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, Visit, choose, ends_of_renders, engine, module, watched
+from visits import OUT, Visit, choose, ends_of_renders, engine, made, module, watched
 
 visit = Visit("engine")
 seen = visit.seen
@@ -40,8 +40,7 @@ def preview():
     watched(viewports)
     choose(resolution="DEPTH", depth=7, scope="VISIBLE", light="two-lights")
     choose(color=True, budget=0.005, refined_samples=1024.0, render_samples=0.0)
-    for step in ("voxelize", "bake_light", "precompute_codes"):
-        getattr(bpy.ops.patchnet, step)()
+    made("voxelize", "bake_light", "precompute_codes")
     yield from clicks.wait_for(lambda: viewports and viewports[-1]._preview is not None, "a preview begins", 180.0)
     viewport = viewports[-1]
     first, engines = viewport._preview, len(viewports)
@@ -199,11 +198,8 @@ def sky_at_once():
 
 def session():
     """The whole visit."""
-    scene = clicks.window().scene
-    scene.render.engine = "PATCHNET"
-    for part in (preview, final_renders, sky_at_once):
-        yield from part()
-        visit.save(part.__name__)
+    clicks.window().scene.render.engine = "PATCHNET"
+    yield from visit.parts(preview, final_renders, sky_at_once)
 
 
 visit.play(session())

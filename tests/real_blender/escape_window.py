@@ -16,7 +16,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
 import x_keys
-from visits import OUT, Visit, choose, ends_of_renders, module, render
+from visits import OUT, Visit, choose, ends_of_renders, made, module, render
 
 SIZE = 960, 540  # minutes of work, where all pixels are refined
 
@@ -30,9 +30,8 @@ def prepare() -> clicks.Session:
     """Voxels, a picture that would take minutes, and a note of how each render ends."""
     choose(resolution="DEPTH", depth=6, scope="VISIBLE", light="two-lights")
     choose(color=True, strategy="ss-variance", refined_samples=1024.0, render_samples=0.0)
-    for step in ("voxelize", "bake_light", "precompute_codes"):
-        getattr(bpy.ops.patchnet, step)()
-        yield 0.1
+    made("voxelize", "bake_light", "precompute_codes")
+    yield 0.1
     settings = clicks.window().scene.render.image_settings
     settings.media_type = "MULTI_LAYER_IMAGE"
     settings.file_format, settings.color_depth, settings.exr_codec = "OPEN_EXR_MULTILAYER", "32", "NONE"
@@ -98,9 +97,7 @@ def render_with_mask() -> clicks.Session:
 def session() -> clicks.Session:
     """The whole visit."""
     clicks.window().scene.render.engine = "PATCHNET"
-    for part in (prepare, stop_refining, render_with_mask):
-        yield from part()
-        visit.save(part.__name__)
+    yield from visit.parts(prepare, stop_refining, render_with_mask)
 
 
 visit.play(session())

@@ -238,13 +238,4 @@ PARTS = (
     render,
     fly_through,
 )
-
-
-def session() -> clicks.Session:
-    """The whole visit."""
-    for part in PARTS:
-        yield from part()
-        visit.save(part.__name__)
-
-
-visit.play(session(), pictures="WINDOW")
+visit.play(visit.parts(*PARTS), pictures="WINDOW")

@@ -92,9 +92,7 @@ def escape() -> clicks.Session:
 def session() -> clicks.Session:
     """The whole visit."""
     choose(**SETTINGS)
-    for part in (kill_in_each_stage, escape):
-        yield from part()
-        visit.save(part.__name__)
+    yield from visit.parts(kill_in_each_stage, escape)
     seen["pid"] = process.engine_pid()
     visit.save("end")
 

@@ -19,7 +19,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, PACKAGE, Visit, choose, modal, module, result
+from visits import OUT, PACKAGE, Visit, choose, modal, module, preferences, result
 
 SIZE = (48, 32)
 SAMPLES = ((0.15, 0.5), (0.3, 0.55), (0.7, 0.5), (0.8, 0.6))  # places in the frame, off legends and titles
@@ -174,8 +174,7 @@ def unfinished():
     """A job's unfinished picture, in a corner."""
     picture = np.random.default_rng(2).random((SIZE[1], SIZE[0], 3))
     item, region = module("pipeline.unfinished").Unfinished("Eye", "refining, 40%", picture), clicks.region("WINDOW")
-    preferences = bpy.context.preferences.addons[PACKAGE].preferences
-    preferences.open_pictures = "WINDOW"
+    preferences().open_pictures = "WINDOW"
     before = len(bpy.context.window_manager.windows)
     with module("overlay").unfinished_pictures(bpy.context) as meanwhile:
         meanwhile(item)
@@ -184,7 +183,7 @@ def unfinished():
             rect = module("overlay.open_pictures").inset_rect(bpy.context, picture)
         seen["unfinished"] = pairs(path, rect, region, [picture, picture])
     seen["unfinished windows"] = len(bpy.context.window_manager.windows) - before
-    preferences.open_pictures = "NEVER"
+    preferences().open_pictures = "NEVER"
 
 
 def in_image_editor():
@@ -213,15 +212,14 @@ def automatic():
     space = clicks.area("IMAGE_EDITOR").spaces.active
     own = bpy.data.images.new("Painting", 4, 4)
     space.image = own
-    preferences = bpy.context.preferences.addons[PACKAGE].preferences
-    preferences.open_pictures = "EDITOR"
+    preferences().open_pictures = "EDITOR"
     in_area("IMAGE_EDITOR", bpy.ops.patchnet.render_preview)
     seen["kept"] = space.image.name
     space.image = None
     in_area("IMAGE_EDITOR", bpy.ops.patchnet.render_preview)
     seen["opened"] = space.image.name if space.image else ""
     space.image = own
-    preferences.open_pictures = "WINDOW"
+    preferences().open_pictures = "WINDOW"
     before = len(bpy.context.window_manager.windows)
     in_area("IMAGE_EDITOR", bpy.ops.patchnet.render_preview)
     yield from clicks.wait_for(lambda: len(bpy.context.window_manager.windows) > before, "a window opens")
@@ -272,23 +270,11 @@ def session():
     """The whole visit."""
     build()
     yield 0.5
-    bpy.context.preferences.addons[PACKAGE].preferences.open_pictures = "NEVER"
     clicks.window().scene.patchnet.background = "black"  # the world is as gray as the viewport that shows through
     in_area("VIEW_3D", bpy.ops.patchnet.run_all)
-    for part in (
-        into_camera,
-        in_viewport,
-        doubled,
-        inspect,
-        drag,
-        unfinished,
-        in_image_editor,
-        automatic,
-        end,
-        disabled,
-    ):
-        yield from part()
-        visit.save(part.__name__)
+    yield from visit.parts(
+        into_camera, in_viewport, doubled, inspect, drag, unfinished, in_image_editor, automatic, end, disabled
+    )
 
 
-visit.play(session())
+visit.play(session(), pictures="NEVER")

@@ -4,6 +4,7 @@
 import json
 import sys
 import time
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -36,6 +37,11 @@ def result():
     return module("session.results").result_of(clicks.window().scene)
 
 
+def preferences() -> bpy.types.AddonPreferences:
+    """Preferences of the extension."""
+    return bpy.context.preferences.addons[PACKAGE].preferences
+
+
 def choose(**values: object) -> None:
     """Settings of the scene."""
     for name, value in values.items():
@@ -46,6 +52,12 @@ def press(name: str) -> None:
     """Call an operator of ours as its button does."""
     with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
         getattr(bpy.ops.patchnet, name)("INVOKE_DEFAULT")
+
+
+def made(*steps: str) -> None:
+    """Call operators of ours, each to its end."""
+    for step in steps:
+        getattr(bpy.ops.patchnet, step)()
 
 
 def baking(samples: int) -> clicks.Session:
@@ -147,13 +159,18 @@ class Visit:
         self._clock[part] = round(time.monotonic() - _START, 1)
         self._write(f"stopped after {part}")
 
+    def parts(self, *parts: Callable[[], clicks.Session]) -> clicks.Session:
+        """Parts one after the other, each saved by its name."""
+        for part in parts:
+            yield from part()
+            self.save(part.__name__)
+
     def play(self, session: clicks.Session, *, pictures: str = "") -> None:
         """Run the session, then write what was seen and leave. pictures: where results come up, by the preferences."""
-        preferences = bpy.context.preferences
-        preferences.view.show_splash = False
-        preferences.view.ui_scale = 1.0
+        view = bpy.context.preferences.view
+        view.show_splash, view.ui_scale = False, 1.0
         if pictures:
-            preferences.addons[PACKAGE].preferences.open_pictures = pictures
+            preferences().open_pictures = pictures
         clicks.play(session, self._finish)
 
     def _finish(self, problem: str) -> None:
