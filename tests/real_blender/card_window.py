@@ -74,7 +74,7 @@ def compared(viewport, found: np.ndarray, size: tuple[int, int]) -> list[float]:
     bounds = octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
     camera = views.viewport_camera(view.view_matrix, view.window_matrix, size, bounds)
     world = viewport.world.behind(bpy.context.evaluated_depsgraph_get(), octree).world
-    settings = views.PictureSettings(None, side=4, pixel_filter=views.pixel_filter_of(bpy.context.scene))
+    settings = previews.PictureSettings(None, side=4, pixel_filter=views.pixel_filter_of(bpy.context.scene))
     preview = previews.ViewportPreview(octree, None, camera, settings, world)
     while not preview.done:
         preview.work(1.0)
