@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
+from patchnet.operators.scene.read import scene_surface
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError, GeometryError
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
 from patchnet.tests.blender.objects import collection_instance, cuboid, group, link, mesh, moved_to, read
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
@@ -174,3 +176,22 @@ def test_bad_input() -> None:
     link(mesh("Points", [(0, 0, 0), (1, 0, 0)], []))
     with pytest.raises(EmptySelectionError):
         read()
+
+
+@pytest.mark.parametrize("ends", ["read", "stopped"])
+def test_edits_between_steps_of_the_reading_change_nothing_of_it(ends: str) -> None:
+    items = [cuboid(name, (low, 0.0, 0.0), (low + 1.0, 1.0, 1.0)) for name, low in (("Moved", 0.0), ("Gone", 2.0))]
+    instances = collection_instance(group("Group", items[0]), location=(0.0, 3.0, 0.0))
+    expected = corners(read())
+    reading = scene_surface(bpy.context.evaluated_depsgraph_get())
+    next(reading)
+    copies = [mesh for mesh in bpy.data.meshes if mesh.is_runtime_data]
+    assert len(copies) == 2
+    items[0].data.transform(Matrix.Translation((0.0, 0.0, 9.0)))
+    bpy.data.objects.remove(instances)
+    bpy.data.meshes.remove(items[1].data)  # and its object
+    bpy.context.view_layer.update()
+    if ends == "read":
+        np.testing.assert_array_equal(corners(drain(reading)), expected)
+    reading.close()
+    assert list(bpy.data.meshes) == [items[0].data]

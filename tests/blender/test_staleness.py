@@ -8,6 +8,9 @@ import bpy
 import pytest
 
 from patchnet.operators.state.scene_state import scene_state
+from patchnet.operators.state.watch import change_monitor, changes_meanwhile, read_state
+from patchnet.patchnet_addon.runtime.errors import SceneError
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.job_scene import box, principled, result, run_small
 from patchnet.tests.blender.objects import collection_instance, group, link, moved_to, slid
 
@@ -315,3 +318,28 @@ def test_state_is_the_same_in_the_file_that_is_opened_again(tmp_path) -> None:
     assert before.identity() == after.identity() != before.identity("more")
     bpy.context.scene.frame_set(6)
     assert scene_state(bpy.context.scene).identity() != after.identity()
+
+
+def test_a_job_sees_edits_from_its_reading_on() -> None:
+    """Also of what is read already; reports without a change are compared once."""
+    scene, monitor = bpy.context.scene, change_monitor()
+    many = [box(f"Box {number}", (0, 0, 0), (1, 1, 1), 0.5) for number in range(300)]
+    monitor.begin(scene)
+    try:
+        reading = read_state(scene)
+        next(reading)
+        bpy.data.objects.remove(many[0])
+        with pytest.raises(SceneError, match="deleted while the scene was read: start again"):
+            drain(reading)
+        reading = read_state(scene)
+        next(reading)
+        for item in many[1:]:
+            item.location.z = 1.0
+        monitor.note_update(scene)
+        drain(reading)
+        assert "'Box 299' changed" in [change.text for change in changes_meanwhile()]
+        drain(read_state(scene))
+        monitor.note_update(scene)
+        assert changes_meanwhile() == [] and not monitor.edited
+    finally:
+        monitor.end()
