@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Write the tables of fly-throughs in worth-it.md and lab/benchmarks.md from figures of `patchnet bench walkthrough`.
 
-    patchnet bench walkthrough --scene demo ... --json > demo.json
-    patchnet bench walkthrough --scene sponza ... --json > sponza.json
+    patchnet bench walkthrough --scene demo ... > demo.json
+    patchnet bench walkthrough --scene sponza ... > sponza.json
     python docs/make_walkthroughs.py demo.json sponza.json
 
 Without files from those that lab/walkthroughs.json keeps. A comment above a table names its scenes, in worth-it.md with
@@ -90,7 +90,7 @@ def _rival(report: Report, samples: str) -> list[str]:
 def main() -> None:
     """Write the pages, and keep the figures."""
     parser = argparse.ArgumentParser(description="Write tables of fly-throughs.")
-    parser.add_argument("reports", type=Path, nargs="*", help="output of `patchnet bench walkthrough --json`")
+    parser.add_argument("reports", type=Path, nargs="*", help="output of `patchnet bench walkthrough`")
     reports = json.loads(KEPT.read_text())
     for path in parser.parse_args().reports:
         report = json.loads(path.read_text())

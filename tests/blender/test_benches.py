@@ -3,6 +3,7 @@
 
 import json
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,17 +11,21 @@ import pytest
 from patchnet.operators.render_engine.fly_through import frames_until_ahead
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.training.commands import main
-from patchnet.training.commands.bench import text_of
 from patchnet.training.commands.benches.walkthrough import walk_cameras
 
 SMALL = ["--frames", "12", "--size", "48", "32", "--depth", "6", "--max-samples", "2", "--timed", "2"]
 FEW = ["--cycles-timed", "1", "--judged", "1", "--error-size", "24", "16", "--truth", "64"]
 
 
+def measured(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
+    """What a bench prints, below lines of Blender's own, which `quiet_stdout` cannot divert from a test's capture."""
+    assert main(["bench", *words]) == 0
+    printed = capsys.readouterr().out
+    return json.loads(printed[printed.index('{\n "name"') :])
+
+
 def test_seconds_errors_and_flicker_of_all(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["bench", "walkthrough", *SMALL, *FEW, "--cycles-samples", "32", "1", "--json"]
-    assert main(words) == 0
-    values = json.loads(capsys.readouterr().out.splitlines()[-1])
+    values = measured(capsys, "walkthrough", *SMALL, *FEW, "--cycles-samples", "32", "1")
     seconds = values["frames_s"]
     assert {name: len(each) for name, each in seconds.items()} == {"patchnet": 2, "1": 1, "32": 1}
     assert values["peer"] == seconds[str(values["rival_samples"])][0]
@@ -33,8 +38,6 @@ def test_seconds_errors_and_flicker_of_all(capsys: pytest.CaptureFixture[str]) -
     assert 0.0 < mse["32"] < mse["1"] and mse["32"] < mse["patchnet"] < 0.1
     assert max(map(abs, flicker.values())) < 0.1 and len(set(flicker.values())) == 3
     assert all(0.0 < error < 0.1 for error in moved.values()) and len(set(moved.values())) == 3
-    said = text_of(values)
-    assert f"mse: patchnet {mse['patchnet']:.4g}, 1 {mse['1']:.4g}, 32 " in said and "\ntruth: 64\n" in said
 
 
 def test_a_walk_passes_its_keys_without_a_halt() -> None:
@@ -51,8 +54,7 @@ def test_a_walk_passes_its_keys_without_a_halt() -> None:
 
 
 def test_rates_of_bake_and_renders(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "bake", "--scene", "room", "--depth", "6", "--samples", "2", "--json"]) == 0
-    values = json.loads(capsys.readouterr().out.splitlines()[-1])
+    values = measured(capsys, "bake", "--scene", "room", "--depth", "6", "--samples", "2")
     assert values["ours"] > 0 and values["peer"] > 0
     assert values["ratio"] == pytest.approx(values["ours"] / values["peer"])
     assert sum(turn["paths"] for turn in values["calls"]) == values["samples"] * values["surfels"]
@@ -62,9 +64,8 @@ def test_rates_of_bake_and_renders(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_seconds_until_a_lit_picture(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["bench", "preview", "--scene", "room", "--camera", "Front", "--size", "64", "48", "--cycles-samples", "2"]
-    assert main([*words, "--json"]) == 0
-    values = json.loads(capsys.readouterr().out.splitlines()[-1])
+    words = ["preview", "--scene", "room", "--camera", "Front", "--size", "64", "48", "--cycles-samples", "2"]
+    values = measured(capsys, *words)
     assert 0.0 < values["ours"] <= values["whole_s"] and values["peer"] > 0.0
     assert values["noise"]["last"] <= values["noise"]["first"] and values["paths_per_pixel"] > 1.0
     assert values["camera"] == "Front" and values["size"] == [64, 48] and values["voxels"] > 1000

@@ -3,17 +3,16 @@
 
 A bench is a module of `benches/`, imported when it runs:
 
-    measure(args) -> dict    the measurement as JSON values, which `text_of` prints
+    measure(args) -> dict    the measurement as JSON values, which are printed
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 from ...commands import add_log_format
 from ...commands.shared.arguments import add_number
@@ -21,17 +20,15 @@ from ...commands.shared.job_arguments import add_setting, require_blender
 from ...commands.shared.views import add_views
 from ...patchnet_addon.runtime import bounds
 from .. import bounds as lab_bounds
-from ..benchmarks import markdown_table
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the benches, each with --json."""
+    """Add the benches."""
     benches = parser.add_subparsers(dest="bench", metavar="NAME", required=True)
     for name, (text, add) in BENCHES.items():
         single = benches.add_parser(name, help=text, description=f"Measure {text}.")
         add(single)
         add_log_format(single)
-        single.add_argument("--json", action="store_true", help="print one line of JSON")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -39,40 +36,8 @@ def run(args: argparse.Namespace) -> int:
     if args.bench in ("bake", "preview", "process", "walkthrough"):
         require_blender()
     bench = import_module(f".benches.{args.bench}", __package__)
-    values = bench.measure(args)
-    print(json.dumps(values) if args.json else text_of(values))
+    print(json.dumps(bench.measure(args), indent=1))
     return 0
-
-
-def text_of(values: Mapping[str, Any]) -> str:
-    """Report of a bench: one value per line, lists of rows as Markdown tables. Single runs are in the JSON only."""
-    lines, tables = [], []
-    for name, value in values.items():
-        if isinstance(value, list) and value and isinstance(value[0], dict):
-            rows = [_flat(row) for row in value]
-            tables.append("\n" + markdown_table(list(rows[0]), [list(row.values()) for row in rows]))
-        elif name not in ("name", "runs") and value is not None:
-            lines.append(f"{name}: {_shown(value)}")
-    return "\n".join([*lines, *tables])
-
-
-def _flat(row: Mapping[str, Any]) -> dict[str, str]:
-    """Cells of a row by column; nested values become columns of their own, such as card.trace."""
-    cells: dict[str, str] = {}
-    for name, value in row.items():
-        nested = {f"{name}.{key}": each for key, each in value.items()} if isinstance(value, dict) else {name: value}
-        cells |= {key: _shown(each) for key, each in nested.items()}
-    return cells
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, dict):
-        return ", ".join(f"{name} {_shown(each)}" for name, each in value.items())
-    if isinstance(value, list):
-        return f"[{', '.join(map(_shown, value))}]"
-    if isinstance(value, float):
-        return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
-    return f"{value:,}" if isinstance(value, int) else str(value)
 
 
 def _triangles(parser: argparse.ArgumentParser, repeats: int, peer: str) -> None:
