@@ -58,7 +58,7 @@ class BlockResult:
     active, left: as in `TrackErrors`. hits, ahead: (F,) int64, pixels whose ray met a voxel, and those of
     them with look-ahead. uniform: (F, U) float64, squared error of pictures with side x side rays in each pixel, summed
     over active pixels. predicted: (F, N, 101) float64, N predicted pictures, see `predicted_left`.
-    quality: (F, Q, B, M) float64, see `quality_of`.
+    quality: (F, Q, M) float64, see `quality_of`.
     """
 
     active: np.ndarray
@@ -83,7 +83,7 @@ def evaluate_block(block: FrameBlock) -> None:
     strategies = strategies_in_use(block.settings.maps, block.settings.networks)
     rows = []
     with limit_threads(1):
-        for number, camera in enumerate(block.cameras):
+        for camera in block.cameras:
             wanted = list(strategies.values())
             traced = drain(trace_view(coded.octree, camera, wanted, coded=coded, unrefined=PREDICTED))
             buffers = replace(traced, unrefined=PREVIEW)  # as in the paper
@@ -95,13 +95,13 @@ def evaluate_block(block: FrameBlock) -> None:
             scores = {name: each.scores(views[codes.of(each)]) for name, each in strategies.items()}
             orders = frame_orders(buffers, scores)
             left = frame_errors(buffers, orders)
-            # FLIP takes twice as long as the rest of a frame: only the first frame of a block is measured.
-            quality = quality_of(buffers, orders, flips=number == 0)
             prediction = buffers.prediction
             ahead = 0 if prediction is None else int(np.count_nonzero(prediction.look_ahead & buffers.hit))
             uniform = [drain(uniform_error(coded.octree, camera, buffers, side)) for side in SIDES]
             pictures = uniform, predicted_left(views.values())
-            rows.append((int(buffers.active.sum()), left, int(buffers.hit.sum()), ahead, *pictures, quality))
+            rows.append(
+                (int(buffers.active.sum()), left, int(buffers.hit.sum()), ahead, *pictures, quality_of(buffers, orders))
+            )
     names = BlockResult.__dataclass_fields__
     arrays = {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
     block.path.parent.mkdir(parents=True, exist_ok=True)

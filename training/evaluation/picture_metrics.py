@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Picture metrics at budgets, SSIM, MS-SSIM and FLIP, for the main strategies (methods 5, 7.1).
+"""Picture metrics at a budget, SSIM and MS-SSIM, for the main strategies (methods 5, 7.1).
 
 Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to structural similarity", IEEE TIP
 13, 2004; Wang, Simoncelli, Bovik, "Multiscale structural similarity for image quality assessment", Asilomar 2003.
@@ -7,12 +7,12 @@ Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibilit
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from ...patchnet_addon.image.comparison import clamped, flip
+from ...patchnet_addon.image.comparison import clamped
 from ...patchnet_addon.image.tone import srgb_encode
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.refine import refined_mask, refined_picture
@@ -21,8 +21,8 @@ QUALITY_STRATEGIES = (
     "patchnet-plus", "patchnet-plus-1", "patchnet-plus-0", "patchnet", "patchnet-behind", "fusion", "ss-variance",
     "ss-variance-hits", "fine-ray", "fine-rays-4", "random", "optimal",
 )  # fmt: skip
-QUALITY_BUDGETS = (0.0, 0.1, 0.3, 0.5)
-_METRICS = ("ssim", "ssim_active", "ms_ssim", "flip")
+QUALITY_BUDGET = 0.3
+_METRICS = ("ssim", "ssim_active", "ms_ssim")
 QUALITY_NAMES = tuple(f"{name} {encoding}" for encoding in ("linear", "srgb") for name in _METRICS)
 REACH_PX = 5  # of the window of SSIM, 11 x 11 pixels
 SIDE_PX = 2 * REACH_PX + 1
@@ -31,52 +31,30 @@ C1, C2 = 0.01**2, 0.03**2  # (K1 L)^2 and (K2 L)^2 for the data range L = 1
 SCALE_WEIGHTS = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)
 
 
-def quality_of(buffers: PixelBuffers, orders: Mapping[str, np.ndarray], *, flips: bool = True) -> np.ndarray:
-    """(Q, B, M) float64 of QUALITY_STRATEGIES, QUALITY_BUDGETS, QUALITY_NAMES; NaN for missing metrics.
+def quality_of(buffers: PixelBuffers, orders: Mapping[str, np.ndarray]) -> np.ndarray:
+    """(Q, M) float64, QUALITY_NAMES of the pictures that QUALITY_STRATEGIES refine within QUALITY_BUDGET.
 
-    flips: also compute FLIP, which is slower than all others together.
+    orders: (A,) by strategy, active pixels in the order of refinement. NaN in pictures smaller than SSIM's window.
     """
-    quality = np.full((len(QUALITY_STRATEGIES), len(QUALITY_BUDGETS), len(QUALITY_NAMES)), np.nan)
-    rows = [row for row, name in enumerate(QUALITY_STRATEGIES) if name in orders]
-    if min(buffers.width, buffers.height) < SIDE_PX or not rows:
-        return quality
-    # At budget 0 all strategies show the same picture.
-    pictures = [composed_pictures(buffers, orders[QUALITY_STRATEGIES[rows[0]]], [0.0])]
-    pictures += [composed_pictures(buffers, orders[QUALITY_STRATEGIES[row]], QUALITY_BUDGETS[1:]) for row in rows]
-    found = picture_metrics(buffers, np.concatenate(pictures), flips=flips)
-    quality[rows, 0] = found[0]
-    quality[rows, 1:] = found[1:].reshape(len(rows), -1, len(QUALITY_NAMES))
-    return quality
+    if min(buffers.width, buffers.height) < SIDE_PX:
+        return np.full((len(QUALITY_STRATEGIES), len(QUALITY_NAMES)), np.nan)
+    masks = [refined_mask(buffers, orders[name], QUALITY_BUDGET) for name in QUALITY_STRATEGIES]
+    return picture_metrics(buffers, np.array([buffers.picture(refined_picture(buffers, mask)) for mask in masks]))
 
 
-def composed_pictures(buffers: PixelBuffers, order: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
-    """(B, H, W) float32: linear luminance of the reference in each budget's pixels, of the preview elsewhere.
-
-    order: (A,) active pixels in the order of refinement.
-    """
-    pictures = []
-    for budget in budgets:
-        pictures.append(buffers.picture(refined_picture(buffers, refined_mask(buffers, order, budget))))
-    return np.array(pictures, np.float32).reshape(len(budgets), buffers.height, buffers.width)
-
-
-def picture_metrics(buffers: PixelBuffers, pictures: np.ndarray, *, flips: bool = True) -> np.ndarray:
+def picture_metrics(buffers: PixelBuffers, pictures: np.ndarray) -> np.ndarray:
     """(N, M) float64, QUALITY_NAMES of pictures (N, H, W) of linear luminance, linear and sRGB-encoded.
 
-    ssim_active is the mean of SSIM's map over active pixels. NaN: flip of linear luminance, since it expects
-    encoded values, and without flip-evaluator.
+    ssim_active is the mean of SSIM's map over active pixels, NaN without any.
     """
     assert buffers.reference is not None
     pictures, reference = clamped(pictures), clamped(buffers.picture(buffers.reference))
     active = buffers.picture(buffers.active)
-    differences = [flip(picture, reference) if flips else None for picture in pictures]
-    unknown = np.full(len(pictures), np.nan)
     columns: list[np.ndarray] = []
-    for encode, flipped in ((np.asarray, unknown), (srgb_encode, np.array(differences, np.float64))):
-        encoded, wanted = encode(pictures), encode(reference)
-        found = structure_of(encoded, wanted)
-        in_active = found.similarity[:, active].mean(axis=1) if active.any() else unknown
-        columns += [found.ssim, in_active, found.ms_ssim, flipped]
+    for encode in (np.asarray, srgb_encode):
+        found = structure_of(encode(pictures), encode(reference))
+        in_active = found.similarity[:, active].mean(axis=1) if active.any() else np.full(len(pictures), np.nan)
+        columns += [found.ssim, in_active, found.ms_ssim]
     return np.stack(columns, axis=1)
 
 
@@ -84,14 +62,12 @@ class Structure(NamedTuple):
     """Structural similarity of N pictures with one reference.
 
     similarity: (N, H, W) float64, SSIM at each pixel, with mirrored borders. ssim: (N,) float64, its mean without a
-    border of 5 pixels, whose windows leave the picture. ms_ssim: (N,) float64. scales: scales of MS-SSIM, 5 or as many
-    as fit into the picture.
+    border of 5 pixels, whose windows leave the picture. ms_ssim: (N,) float64.
     """
 
     similarity: np.ndarray
     ssim: np.ndarray
     ms_ssim: np.ndarray
-    scales: int
 
 
 def structure_of(pictures: np.ndarray, reference: np.ndarray) -> Structure:
@@ -113,7 +89,7 @@ def structure_of(pictures: np.ndarray, reference: np.ndarray) -> Structure:
             luminance, contrast = _parts(x, y)
         term = luminance * contrast if number == len(weights) - 1 else contrast
         value *= np.maximum(_inner_mean(term), 0.0) ** (weight / sum(weights))
-    return Structure(similarity, _inner_mean(similarity), value, len(weights))
+    return Structure(similarity, _inner_mean(similarity), value)
 
 
 def _parts(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

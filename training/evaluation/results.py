@@ -16,7 +16,7 @@ from . import WITHOUT
 from .bootstrap import Bootstrap, finite, number_with_interval
 from .curves import BUDGETS, OPTIMAL, TrackErrors, excess_area, pooled_mse
 from .evaluate import SceneResult
-from .picture_metrics import QUALITY_BUDGETS, QUALITY_NAMES, QUALITY_STRATEGIES
+from .picture_metrics import QUALITY_NAMES, QUALITY_STRATEGIES
 from .strategies import SCORES, PatchNetwork, strategy_name
 
 POOLED = "all scenes"
@@ -95,18 +95,13 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
 
 
 def _quality(quality: np.ndarray) -> dict[str, Any]:
-    """Means over frames of each picture metric, by strategy, at QUALITY_BUDGETS; None if it was not computed."""
+    """Means over frames of each picture metric, by strategy; None if it was not computed."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of columns without a number
         means = np.nanmean(quality, axis=0)
     return {
-        "budgets": list(QUALITY_BUDGETS),
-        "metrics": {
-            metric: {
-                name: [finite(value) for value in means[row, :, column]] for row, name in enumerate(QUALITY_STRATEGIES)
-            }
-            for column, metric in enumerate(QUALITY_NAMES)
-        },
+        metric: {name: finite(value) for name, value in zip(QUALITY_STRATEGIES, column, strict=True)}
+        for metric, column in zip(QUALITY_NAMES, means.T, strict=True)
     }
 
 

@@ -235,11 +235,8 @@ def _pictures(scenes: Mapping[str, Any]) -> pd.DataFrame:
 
 def _quality(found: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """Means over scenes of each metric that was computed for all of them."""
-    at = found[0]["budgets"].index(BUDGET / 100)
     means = {
-        metric: pd.DataFrame(
-            [{name: row[at] for name, row in quality["metrics"][metric].items()} for quality in found], dtype=float
-        ).mean(skipna=False)
-        for metric in found[0]["metrics"]
+        metric: pd.DataFrame([quality[metric] for quality in found], dtype=float).mean(skipna=False)
+        for metric in found[0]
     }
     return _by_strategy(pd.DataFrame(means).dropna(axis=1, how="any"), "{:.4f}")
