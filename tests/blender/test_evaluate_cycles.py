@@ -95,7 +95,7 @@ def test_curves_against_cycles(
     tables = (out / "cycles.md").read_text()
     assert [tables.count(f"\n| {name} | ") for name in scenes] == [1, 1] and "Scenes of 2 in which" in tables
     figures = {path.name for path in (out / "figures").iterdir()}
-    assert figures == {f"{name}-cycles{end}" for name in scenes for end in (".png", ".svg", "-views.png")}
+    assert figures == {f"{name}-cycles{end}" for name in scenes for end in (".png", ".svg")}
 
 
 @pytest.mark.parametrize("name", ["bars", "bars-cut", "bars-open"])

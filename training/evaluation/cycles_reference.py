@@ -9,33 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
-from ...patchnet_addon.image.tone import gray
 from ...patchnet_addon.octree.file import octree_hash
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Steps
-from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
 from .bootstrap import finite
-from .curves import (
-    BUDGETS,
-    OPTIMAL,
-    excess_area,
-    frame_errors,
-    frame_orders,
-)
-from .panels import save_figure, show_picture, show_values
+from .curves import BUDGETS, OPTIMAL, excess_area, frame_errors, frame_orders
 
 OCTREE, DIFFUSE, COMBINED = "octree", "diffuse", "combined"  # truths: G1, G2, and G2 with gloss and glass
-_TITLES = ("octree, one ray a pixel", "octree, 32 x 32 rays", "Cycles, diffuse light", "|octree - Cycles|")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,25 +47,17 @@ class Truth:
         return cls(mean.astype(np.float32), (clamped[0] - clamped[1]) ** 2 / 4.0)
 
 
-@dataclass(frozen=True, eq=False)
-class CameraResult:
+class CameraResult(NamedTuple):
     """Results of one camera.
 
-    buffers: the view, with 32x32 rays of the octree as its reference. truths: by name. errors: against the octree and
-    against each of the truths, by name, see `frame_errors`. bias, noise: sums over active pixels, by truth.
+    active: number of active pixels. errors: against the octree and against each of the truths, by name, see
+    `frame_errors`. bias, noise: sums over active pixels, by truth.
     """
 
-    camera: Camera
-    buffers: PixelBuffers
-    truths: Mapping[str, Truth]
+    active: int
     errors: Mapping[str, np.ndarray]
     bias: Mapping[str, float]
     noise: Mapping[str, float]
-
-    @property
-    def active(self) -> int:
-        """Number of active pixels."""
-        return int(np.count_nonzero(self.buffers.active))
 
 
 def spread_cameras(track: Sequence[Camera], count: int) -> list[Camera]:
@@ -103,7 +83,7 @@ def measure_camera(
         errors[name] = frame_errors(seen, frame_orders(seen, scores | known))
         off = (buffers.reference.astype(np.float64) - truth.luminance) ** 2
         bias[name], noise[name] = float(off[buffers.active].sum()), float(truth.noise[buffers.active].sum())
-    return CameraResult(camera, buffers, truths, errors, bias, noise)
+    return CameraResult(int(np.count_nonzero(buffers.active)), errors, bias, noise)
 
 
 def cycles_results(
@@ -138,18 +118,3 @@ def cycles_results(
         "rays_per_pixel": {name: 1 + strategy.extra_rays for name, strategy in strategies.items()},
         "group": {name: strategy.group for name, strategy in strategies.items()},
     }
-
-
-def draw_cameras(results: Sequence[CameraResult], folder: Path, name: str) -> None:
-    """Draw a row of pictures for each camera; raises PatchNetError if it cannot be written."""
-    figure = Figure(figsize=(2.6 * len(_TITLES), 2.8 * len(results)), dpi=100, layout="constrained")
-    rows = figure.subplots(len(results), len(_TITLES), squeeze=False)
-    for axes, result in zip(rows, results, strict=True):
-        buffers, cycles = result.buffers, result.truths[DIFFUSE].luminance
-        assert buffers.reference is not None
-        for each, title, values in zip(axes, _TITLES, (buffers.preview, buffers.reference, cycles), strict=False):
-            show_picture(each, gray(buffers.picture(values)), f"{result.camera.name}: {title}")
-        bias = 1e4 * result.bias[DIFFUSE] / max(result.active, 1)
-        difference = buffers.picture(np.abs(buffers.reference - cycles))
-        show_values(axes[-1], difference, 0.5, f"{_TITLES[-1]}, bias {bias:.1f}e-4")
-    save_figure(figure, folder / f"{name}.png")

@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     require()
     from ....commands.shared.progress_lines import progress_lines
     from ...encoders import load_weights
-    from ...evaluation.cycles_reference import DIFFUSE, cycles_results, draw_cameras
+    from ...evaluation.cycles_reference import DIFFUSE, cycles_results
     from ...evaluation.figures import draw_budgets
     from ...strategies.registry import EVALUATED
 
@@ -70,11 +70,10 @@ def run(args: argparse.Namespace) -> int:
         steps = _measured(scene, octrees.get(scene.name), args, weights)
         coded, cameras = drain(labelled(steps, f"{scene.title}: {{}}"), progress_lines())
         found[scene.name] = {"light": scene.light} | cycles_results(coded, EVALUATED, cameras)
-        folder, truth = args.out / FIGURES, found[scene.name]["truths"][DIFFUSE]
+        truth = found[scene.name]["truths"][DIFFUSE]
         levels = {"octree, 32 x 32 rays": truth["bias"], "noise of Cycles": truth["noise"]}
         title = f"{scene.title}: error against Cycles"
-        draw_budgets(found[scene.name], folder, f"{scene.name}-cycles", title, levels)
-        draw_cameras(cameras, folder, f"{scene.name}-cycles-views")
+        draw_budgets(found[scene.name], args.out / FIGURES, f"{scene.name}-cycles", title, levels)
         _write(args, found)  # after each scene, since a scene takes long
     say_result(f"{args.out / RESULTS}: {counted(len(found), 'scene')}", file=args.out / RESULTS, scenes=len(found))
     return 0
