@@ -75,7 +75,7 @@ def test_the_same_weights_give_the_same_errors_and_others_do_not(results, scene)
 def test_every_network_has_a_predicted_picture(out, results):
     pictures = results["scenes"]["shells"]["predicted"]
     assert tuple(pictures) == ("predicted", *(f"predicted-{name}" for name in NETWORKS))
-    assert pictures["predicted-shells"]["mse_refined"] == pictures["predicted"]["mse_refined"], "the same weights"
+    assert pictures["predicted-shells"]["mse"] == pictures["predicted"]["mse"], "the same weights"
     assert pictures["predicted-slats"]["mse"] != pictures["predicted"]["mse"]
     assert all(picture["ms_per_frame"] > 0 for picture in pictures.values())
     assert "| `predicted-shells` | `predicted-slats` |" in (out / "tables.md").read_text(encoding="utf-8")

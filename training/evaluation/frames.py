@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -14,17 +14,14 @@ from ...patchnet_addon.codes.predict import predict
 from ...patchnet_addon.runtime.files import write_arrays
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads
-from ...patchnet_addon.sampling import patchnet_behind
-from ...patchnet_addon.sampling.errors import sum_left_after
-from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.errors import squared_error
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
-from ...patchnet_addon.sampling.refine import refinement_order
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import SIDES, uniform_error
 from ...patchnet_addon.tracing.camera import Camera
 from . import kept_arrays
 from .codes import EvaluationSettings, SceneCodes, scene_codes
-from .curves import BUDGETS, frame_errors, frame_orders
+from .curves import frame_errors, frame_orders
 from .picture_metrics import quality_of
 from .strategies import strategies_in_use
 
@@ -57,8 +54,8 @@ class BlockResult:
 
     active, left: as in `TrackErrors`. hits, ahead: (F,) int64, pixels whose ray met a voxel, and those of
     them with look-ahead. uniform: (F, U) float64, squared error of pictures with side x side rays in each pixel, summed
-    over active pixels. predicted: (F, N, 101) float64, N predicted pictures, see `predicted_left`.
-    quality: (F, Q, M) float64, see `quality_of`.
+    over active pixels. predicted: (F, N) float64, the same of N predicted pictures. quality: (F, Q, M) float64, see
+    `quality_of`.
     """
 
     active: np.ndarray
@@ -81,7 +78,7 @@ def evaluate_block(block: FrameBlock) -> None:
     codes = _load(block.octree, block.folder, block.settings)
     coded = codes.coded
     strategies = strategies_in_use(block.settings.maps, block.settings.networks)
-    rows = []
+    frames = []
     with limit_threads(1):
         for camera in block.cameras:
             wanted = list(strategies.values())
@@ -94,16 +91,21 @@ def evaluate_block(block: FrameBlock) -> None:
             views = {coded: buffers} | others
             scores = {name: each.scores(views[codes.of(each)]) for name, each in strategies.items()}
             orders = frame_orders(buffers, scores)
-            left = frame_errors(buffers, orders)
             prediction = buffers.prediction
-            ahead = 0 if prediction is None else int(np.count_nonzero(prediction.look_ahead & buffers.hit))
-            uniform = [drain(uniform_error(coded.octree, camera, buffers, side)) for side in SIDES]
-            pictures = uniform, predicted_left(views.values())
-            rows.append(
-                (int(buffers.active.sum()), left, int(buffers.hit.sum()), ahead, *pictures, quality_of(buffers, orders))
+            assert prediction is not None  # traced for the predicted picture
+            predicted = [squared_error(replace(view, unrefined=PREDICTED)) for view in views.values()]
+            frames.append(
+                {
+                    "active": buffers.active.sum(),
+                    "left": frame_errors(buffers, orders),
+                    "hits": buffers.hit.sum(),
+                    "ahead": np.count_nonzero(prediction.look_ahead & buffers.hit),
+                    "uniform": [drain(uniform_error(coded.octree, camera, buffers, side)) for side in SIDES],
+                    "predicted": [error[buffers.active].sum() for error in predicted],
+                    "quality": quality_of(buffers, orders),
+                }
             )
-    names = BlockResult.__dataclass_fields__
-    arrays = {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
+    arrays = {name: np.array([frame[name] for frame in frames]) for name in BlockResult.__dataclass_fields__}
     block.path.parent.mkdir(parents=True, exist_ok=True)
     write_arrays(block.path, arrays, {"key": block.key, "first": block.first}, KIND)
 
@@ -118,17 +120,3 @@ def load_block(block: FrameBlock) -> BlockResult | None:
 def _load(octree: Path, folder: Path, settings: EvaluationSettings) -> SceneCodes:
     """Scene of the last block; its codes are mapped, so that processes share memory."""
     return drain(scene_codes(octree, folder, settings))
-
-
-def predicted_left(views: Iterable[PixelBuffers]) -> np.ndarray:
-    """(N, 101) float64: squared error of N predicted pictures of a frame, summed over active pixels.
-
-    It remains after each budget of BUDGETS by the picture's own priority. views: each with its own prediction, and the
-    reference.
-    """
-    rows = []
-    for view in views:
-        buffers = replace(view, unrefined=PREDICTED)
-        order = refinement_order(buffers, patchnet_behind.STRATEGY.scores(buffers))
-        rows.append(sum_left_after(buffers, order, BUDGETS.tolist()))
-    return np.array(rows, np.float64)

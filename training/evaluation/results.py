@@ -81,13 +81,8 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
             for index, side in enumerate(SIDES)
         },
         "predicted": {
-            name: {
-                "rays_per_pixel": PREDICTED_RAYS,
-                "mse": curve[0],
-                "mse_refined": curve,
-                "ms_per_frame": milliseconds,
-            }
-            for curve, (name, milliseconds) in zip(
+            name: {"rays_per_pixel": PREDICTED_RAYS, "mse": error, "ms_per_frame": milliseconds}
+            for error, (name, milliseconds) in zip(
                 (frames.predicted.sum(axis=0) / active).tolist(), costs["predicted_ms"].items(), strict=True
             )
         },

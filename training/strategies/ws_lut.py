@@ -15,7 +15,6 @@ import numpy as np
 
 from ...patchnet_addon.cells.morton import POPCOUNT
 from ...patchnet_addon.network.harmonics import real_harmonics
-from ...patchnet_addon.sampling.patchnet import coverage_and_luminance_score
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strategy import CHILD_MASK, EXACT_1, Strategy
 
@@ -109,11 +108,6 @@ def _coverage_score(buffers: PixelBuffers) -> np.ndarray:
     return np.where(buffers.hit, 1.0 - buffers.exact_1.coverage, 0.0)
 
 
-def _luminance_score(buffers: PixelBuffers) -> np.ndarray:
-    assert buffers.exact_1 is not None  # required by `needs`
-    return coverage_and_luminance_score(buffers, buffers.exact_1)
-
-
 STRATEGIES = (
     Strategy(
         name="ws-lut",
@@ -134,15 +128,5 @@ STRATEGIES = (
         quantity="missing coverage",
         maximum=1.0,
         group="world-space",
-    ),
-    Strategy(
-        name="ws-lut-luminance",
-        title="World-space coverage and luminance, exact oracle",
-        description="Missing coverage plus five times the luminance error, rendered from the voxels one level ahead",
-        needs=frozenset({EXACT_1}),
-        score=_luminance_score,
-        quantity="coverage + 5 x luminance",
-        maximum=2.0,
-        group="oracle",
     ),
 )
