@@ -85,7 +85,7 @@ def test_generalisation_of_every_network_and_scene(results):
     found = results["claims"]["generalisation"]
     assert found.keys() == {"patchnet", "patchnet-behind"}
     for score, ending in (("patchnet", ""), ("patchnet-behind", "-behind")):
-        cells = found[score]["networks"]
+        cells = found[score]
         assert tuple(cells) == NETWORKS
         for network, scenes in cells.items():
             for scene, cell in scenes.items():

@@ -15,13 +15,12 @@ from typing import Self
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import SettingError
-from .curves import BUDGETS, OPTIMAL, TrackErrors, crossing, excess_area
+from .curves import TrackErrors, crossing
 
 BLOCK_FRAMES = 50
 LEAST_BLOCKS = 10
 RESAMPLES = 2000
 LEVEL = 0.95
-_ALL = np.arange(len(BUDGETS))
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +50,12 @@ def block_frames(frames: int) -> int:
 class Bootstrap:
     """Resamples of the blocks of one or more tracks, drawn within each track, with pooled errors.
 
-    block_frames: length of the blocks of each track; its last block may be shorter. draws: (R, K) float64, multiplicity
-    of each of the K blocks in each resample. active: (K,) float64, active pixels of the blocks. left: (K, S, 101)
-    float64, their sums of squared errors. Curves of resamples are computed on demand, to save memory.
+    draws: (R, K) float64, multiplicity of each of the K blocks in each resample. active: (K,) float64, active pixels of
+    the blocks. left: (K, S, 101) float64, their sums of squared errors. Curves of resamples are computed on demand, to
+    save memory.
     """
 
     strategies: tuple[str, ...]
-    block_frames: tuple[int, ...]
     draws: np.ndarray
     active: np.ndarray
     left: np.ndarray
@@ -66,30 +64,23 @@ class Bootstrap:
     def of(cls, tracks: Sequence[TrackErrors], resamples: int = RESAMPLES, seed: int = 0) -> Self:
         """Draw as many blocks as each track has, all of the same strategies; raises as `block_frames`."""
         rng = np.random.default_rng(seed)
-        lengths = tuple(block_frames(len(track.active)) for track in tracks)
-        starts = [np.arange(0, len(track.active), length) for track, length in zip(tracks, lengths, strict=True)]
+        starts = [np.arange(0, len(track.active), block_frames(len(track.active))) for track in tracks]
         parts = list(zip(tracks, starts, strict=True))
         return cls(
             tracks[0].strategies,
-            lengths,
             np.concatenate([_draws(rng, resamples, len(start)) for start in starts], axis=1),
             np.concatenate([np.add.reduceat(track.active, start) for track, start in parts]).astype(np.float64),
             np.concatenate([np.add.reduceat(track.left, start, axis=0) for track, start in parts]),
         )
 
-    def mse(self, strategy: str, budgets: Sequence[float] = tuple(BUDGETS)) -> Interval:
-        """Interval of the pooled mean squared error at each of B budgets, (B,), of the grid of 1 %."""
-        return _interval(self._curves(strategy, _budget_indices(budgets)))
+    def mse(self, strategy: str) -> Interval:
+        """Interval of the pooled mean squared error at each budget, (101,)."""
+        return _interval(self._curves(strategy))
 
-    def ratio(self, first: str, second: str, budgets: Sequence[float]) -> Interval:
-        """Interval of the pooled error of `first` over that of `second` at each of B budgets, (B,); NaN over 0."""
-        at = _budget_indices(budgets)
-        errors, others = self._curves(first, at), self._curves(second, at)
+    def ratio(self, first: str, second: str, budget: float) -> Interval:
+        """Interval of the pooled error of `first` over that of `second` at a budget of the grid of 1 %; NaN over 0."""
+        errors, others = (self._curves(name)[:, round(100 * budget)] for name in (first, second))
         return _interval(errors / np.where(others > 0, others, np.nan))
-
-    def excess_area(self, strategy: str) -> Interval:
-        """Interval of the excess area of a strategy, relative to `optimal` (see `curves`)."""
-        return _interval(excess_area(self._curves(strategy), self._curves(OPTIMAL)))
 
     def crossing(self, strategy: str, others: Sequence[str]) -> Interval:
         """Interval of X*, the budget from which a strategy stays below all others, see `curves`."""
@@ -99,9 +90,9 @@ class Bootstrap:
             least = np.minimum(least, self._curves(other))
         return _interval(crossing(self._curves(strategy), least[:, None]))
 
-    def _curves(self, strategy: str, at: np.ndarray = _ALL) -> np.ndarray:
-        """(1 + R, B): pooled errors of the data, then of each resample, at budgets whose indices are given."""
-        left = self.left[:, self.strategies.index(strategy), at]
+    def _curves(self, strategy: str) -> np.ndarray:
+        """(1 + R, 101): pooled errors of the data, then of each resample."""
+        left = self.left[:, self.strategies.index(strategy)]
         draws = np.vstack([np.ones(len(left)), self.draws])
         return (draws @ left) / np.maximum(draws @ self.active, 1)[:, None]
 
@@ -110,11 +101,6 @@ def _draws(rng: np.random.Generator, resamples: int, blocks: int) -> np.ndarray:
     """(R, K) float64: multiplicity of each of K blocks among K draws with replacement."""
     drawn = rng.integers(0, blocks, (resamples, blocks)) + blocks * np.arange(resamples)[:, None]
     return np.bincount(drawn.ravel(), minlength=resamples * blocks).reshape(resamples, blocks).astype(np.float64)
-
-
-def _budget_indices(budgets: Sequence[float]) -> np.ndarray:
-    """(B,) int64: places of budgets in BUDGETS."""
-    return np.rint(np.asarray(budgets, np.float64) * 100).astype(np.int64)
 
 
 def _interval(figures: np.ndarray) -> Interval:

@@ -160,15 +160,14 @@ def draw_generalisation(found: Mapping[str, Any], folder: Path) -> list[Path]:
 
     Returns the files, none without networks; raises PatchNetError if one cannot be written.
     """
-    matrices = {score: values["networks"] for score, values in found.items() if values["networks"]}
-    if not matrices:
+    if not found:
         return []
-    rows = list(next(iter(matrices.values())))
-    scenes = list(next(iter(matrices.values()))[rows[0]])
+    rows = list(next(iter(found.values())))
+    scenes = list(next(iter(found.values()))[rows[0]])
     size = 2 * _CELL * len(scenes) + 2 * _MARGIN, _CELL * len(rows) * 0.7 + _MARGIN
     figure = Figure(figsize=(max(size[0], 7.5), size[1]), dpi=100, layout="constrained")
-    panels = figure.subplots(1, len(matrices), sharey=True, squeeze=False)[0]
-    for axes, (score, cells) in zip(panels, matrices.items(), strict=True):
+    panels = figure.subplots(1, len(found), sharey=True, squeeze=False)[0]
+    for axes, (score, cells) in zip(panels, found.items(), strict=True):
         grid = np.array([[cells[row][scene]["value"] for scene in scenes] for row in rows], np.float64)
         image = axes.imshow(grid, cmap=_COLORS, norm=LogNorm(1 / _WIDEST, _WIDEST), aspect="auto")
         for (row, column), value in np.ndenumerate(grid):

@@ -23,7 +23,6 @@ POOLED = "all scenes"
 PREDICTED_RAYS = 2  # per pixel: its own, and the one behind the patch
 VARIANCE = "ss-variance"
 LOWEST_FROM = 0.13
-RATIOS = (0.1, 0.2, 0.3, 0.4, 0.5)
 HALF = 0.5
 _ORACLES = ("patchnet-exact", "patchnet-behind-exact")
 """The network's scores with exact patches, which separate errors of the network from those of the score."""
@@ -109,11 +108,7 @@ def _curves(tracks: Sequence[TrackErrors], draws: Bootstrap) -> dict[str, Any]:
         "budgets": BUDGETS.tolist(),
         "mse": {name: mse[row].tolist() for row, name in enumerate(names)},
         "intervals": {name: {"low": item.low.tolist(), "high": item.high.tolist()} for name, item in intervals.items()},
-        "excess_area": {
-            name: number_with_interval(draws.excess_area(name)) | {"value": finite(areas[row])}
-            for row, name in enumerate(names)
-        },
-        "block_frames": list(draws.block_frames),
+        "excess_area": {name: finite(areas[row]) for row, name in enumerate(names)},
     }
 
 
@@ -157,14 +152,8 @@ def _asked(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
 def _half(draw: Bootstrap, groups: Mapping[str, Group]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name in [*_asked(draw, groups), *(name for name in draw.strategies if groups[name] == "rays")]:
-        interval = draw.ratio(name, VARIANCE, RATIOS)
-        found[name] = {
-            "budgets": list(RATIOS),
-            "value": np.asarray(interval.value).tolist(),
-            "low": np.asarray(interval.low).tolist(),
-            "high": np.asarray(interval.high).tolist(),
-            "holds": bool(np.asarray(interval.value)[RATIOS.index(0.3)] <= HALF),
-        }
+        interval = draw.ratio(name, VARIANCE, BUDGET)
+        found[name] = number_with_interval(interval) | {"holds": bool(interval.value <= HALF)}
     return found
 
 
@@ -173,21 +162,20 @@ def generalisation_of(
 ) -> dict[str, Any]:
     """Errors of networks over that of screen-space variance at BUDGET on every scene, by score, with intervals.
 
-    draws: of each scene. octrees: hash of each scene's. `networks` of a score: {network: {scene: {value, low, high,
-    seen}}}, None where the variance leaves no error.
+    draws: of each scene. octrees: hash of each scene's. Found: {score: {network: {scene: {value, low, high, seen}}}},
+    None where the variance leaves no error.
     """
-    found = {}
-    for score in SCORES:
-        cells = {
+    return {
+        score: {
             network.name: {
-                scene: number_with_interval(draws[scene].ratio(strategy_name(network.name, score), VARIANCE, (BUDGET,)))
+                scene: number_with_interval(draws[scene].ratio(strategy_name(network.name, score), VARIANCE, BUDGET))
                 | {"seen": seen(network, scene, octree)}
                 for scene, octree in octrees.items()
             }
             for network in networks
         }
-        found[score] = {"networks": cells}
-    return found
+        for score in SCORES
+    }
 
 
 def seen(network: PatchNetwork, scene: str, octree: str) -> bool:

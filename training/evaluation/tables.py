@@ -199,15 +199,13 @@ def _scenes(scenes: Mapping[str, Any]) -> pd.DataFrame:
 def excess_areas(scenes: Mapping[str, Any], names: Sequence[str]) -> pd.DataFrame:
     """Excess areas of strategies (rows) in scenes; NaN without error."""
     areas = {scene: values["excess_area"] for scene, values in scenes.items()}
-    return pd.DataFrame(
-        {scene: {name: each[name]["value"] for name in names} for scene, each in areas.items()}, dtype=float
-    )
+    return pd.DataFrame({scene: {name: each[name] for name in names} for scene, each in areas.items()}, dtype=float)
 
 
 def _half(values: Mapping[str, Any]) -> str:
-    """Ratio to the variance, and its interval."""
-    at = values["budgets"].index(BUDGET / 100)
-    return f"{values['value'][at]:.2f} ({values['low'][at]:.2f} to {values['high'][at]:.2f})"
+    """Ratio to the variance, and its interval; empty where the variance leaves no error."""
+    found = [values[name] for name in ("value", "low", "high")]
+    return "" if None in found else "{:.2f} ({:.2f} to {:.2f})".format(*found)
 
 
 def _from(values: Mapping[str, Any]) -> str:
