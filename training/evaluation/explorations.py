@@ -6,6 +6,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.tracing.camera import Camera
@@ -33,16 +34,7 @@ def catmull_rom(times: np.ndarray, points: np.ndarray, wanted: np.ndarray) -> np
     """
     if len(points) == 1:
         return np.repeat(points, len(wanted), axis=0)
-    tangents = np.gradient(points, times, axis=0)  # (K, C)
-    piece = np.clip(np.searchsorted(times, wanted, side="right") - 1, 0, len(times) - 2)
-    length = (times[piece + 1] - times[piece])[:, None]
-    s = (wanted - times[piece])[:, None] / length
-    return np.asarray(
-        (2 * s**3 - 3 * s**2 + 1) * points[piece]
-        + (s**3 - 2 * s**2 + s) * length * tangents[piece]
-        + (3 * s**2 - 2 * s**3) * points[piece + 1]
-        + (s**3 - s**2) * length * tangents[piece + 1]
-    )
+    return np.asarray(CubicHermiteSpline(times, points, np.gradient(points, times, axis=0))(wanted))
 
 
 class Explorations:
