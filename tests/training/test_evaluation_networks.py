@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.commands import main
 from patchnet.training.evaluation import evaluate
-from patchnet.training.evaluation.map_frames import FrameSettings, rendered_frames
+from patchnet.training.evaluation.map_frames import rendered_frames
 from patchnet.training.evaluation.networks import NAMES
 from patchnet.training.evaluation.networks.frames import (
     NEEDS,
@@ -22,6 +22,7 @@ from patchnet.training.evaluation.networks.frames import (
 )
 from patchnet.training.evaluation.networks.maps import MAP, map_hash, map_networks, map_strategy, read_map, save_map
 from patchnet.training.evaluation.strategies import strategies_in_use
+from patchnet.training.evaluation.tracks import TrackSettings
 from patchnet.training.strategies.registry import EVALUATED
 
 torch = pytest.importorskip("torch")
@@ -32,6 +33,7 @@ from patchnet.training.evaluation.networks.weiss import pull_push  # noqa: E402
 NETWORKS = map_networks()
 STRATEGY_NAMES = {"weiss": "witw20", "kuznetsov": "kkr18", "unet": "ss-unet"}
 SIZE = ["--size", "32", "24"]
+TRACK = TrackSettings(16, 2, (32, 24))
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -59,13 +61,13 @@ def octree_path(octree, tmp_path_factory):
 def frames_folder(octree_path, tmp_path_factory):
     """Rendered frames of the track that WORDS of the command name."""
     folder = tmp_path_factory.mktemp("frames")
-    drain(rendered_frames([octree_path], FrameSettings(16, 2, (32, 24)), folder))
+    drain(rendered_frames([octree_path], TRACK, folder))
     return folder
 
 
 @pytest.fixture(scope="module")
 def frames(octree_path, frames_folder):
-    return drain(rendered_frames([octree_path], FrameSettings(16, 2, (32, 24)), frames_folder))
+    return drain(rendered_frames([octree_path], TRACK, frames_folder))
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from patchnet.tests.engine.mesh_samples import box
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.evaluation.explorations import MAX_STEP, MAX_TURN
 from patchnet.training.evaluation.poses import Surroundings, step_of, turn_of
-from patchnet.training.evaluation.tracks import FAR, camera_track
+from patchnet.training.evaluation.tracks import FAR, TrackSettings, camera_track
 
 FRAMES = 60
 CLEARANCE = 4  # finest voxels
@@ -46,7 +46,7 @@ def octree(request: pytest.FixtureRequest) -> Octree:
 
 @pytest.fixture(scope="module")
 def track(octree: Octree) -> list[Camera]:
-    return drain(camera_track(octree, frames=FRAMES))
+    return drain(camera_track(octree, TrackSettings(FRAMES)))
 
 
 def halves(track: list[Camera]) -> tuple[list[Camera], list[Camera]]:
@@ -54,8 +54,8 @@ def halves(track: list[Camera]) -> tuple[list[Camera], list[Camera]]:
 
 
 def test_same_seed_same_track(octree: Octree, track: list[Camera]) -> None:
-    again = drain(camera_track(octree, frames=FRAMES))
-    other = drain(camera_track(octree, frames=FRAMES, seed=1))
+    again = drain(camera_track(octree, TrackSettings(FRAMES)))
+    other = drain(camera_track(octree, TrackSettings(FRAMES, seed=1)))
     for one, next_one in zip(track, again, strict=True):
         np.testing.assert_array_equal(one.position_world, next_one.position_world)
         np.testing.assert_array_equal(one.forward, next_one.forward)

@@ -19,6 +19,7 @@ from ...patchnet_addon.sampling.strategy import Strategy
 from ..encoders import load_weights
 from ..network.research_encoder import research_encoder
 from .strategies import NetworkStrategy, PatchNetwork
+from .tracks import TrackSettings
 
 
 def kept_codes(octree: Octree, weights: Weights, folder: Path, name: str = "codes") -> Steps[CodedOctree]:
@@ -45,15 +46,11 @@ def coded_octree(path: Path, weights: Weights) -> Steps[CodedOctree]:
 class EvaluationSettings:
     """Settings of an evaluation.
 
-    frames: of each whole track. every: distance of evaluated frames. size_px: of the pictures. weights: file, None for
-    the shipped ones. processes: None for one per core. maps: weights files of map networks to evaluate as well.
-    networks: further networks of the kind of `weights`.
+    track: of each scene. weights: file, None for the shipped ones. processes: None for one per core. maps: weights
+    files of map networks to evaluate as well. networks: further networks of the kind of `weights`.
     """
 
-    frames: int = 2000
-    every: int = 10
-    size_px: tuple[int, int] = (130, 130)
-    seed: int = 0
+    track: TrackSettings
     weights: Path | None = None
     processes: int | None = None
     maps: tuple[Path, ...] = ()

@@ -66,10 +66,7 @@ def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path
     for name, path in octrees.items():
         folder = out / "scenes" / name
         octree = (yield from scene_codes(path, folder, settings)).coded.octree
-        track = yield from camera_track(
-            octree, frames=settings.frames, size_px=settings.size_px, lookahead=weights.lookahead, seed=settings.seed
-        )
-        cameras = track[:: settings.every]
+        cameras = (yield from camera_track(octree, settings.track, weights.lookahead))[:: settings.track.every]
         key = _key(settings, octree_hash(octree), weights.whole_hash)
         scenes[name] = [
             FrameBlock(path, folder, settings, cameras[first : first + _BLOCK], first, key)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from ...patchnet_addon.octree.file import load_octree, octree_hash
@@ -14,23 +13,13 @@ from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.runtime.source_hash import source_hash
 from . import kept_arrays
 from .networks.frames import KIND, RenderedFrame, render_frame
-from .tracks import camera_track
+from .tracks import TrackSettings, camera_track
 
 _CODE = "training.evaluation.map_frames"  # renders the frames
 
 
-@dataclass(frozen=True)
-class FrameSettings:
-    """Settings of the frames of each octree, as those of an evaluation: whole track, distance of its frames, pixels."""
-
-    frames: int = 2000
-    every: int = 10
-    size_px: tuple[int, int] = (130, 130)
-    seed: int = 0
-
-
 def rendered_frames(
-    octrees: Sequence[Path], settings: FrameSettings, folder: Path
+    octrees: Sequence[Path], settings: TrackSettings, folder: Path
 ) -> Steps[tuple[list[RenderedFrame], str]]:
     """Frames of all octrees' tracks, existing ones from `folder`, and a hash of their dependencies."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -41,7 +30,7 @@ def rendered_frames(
         parts = octree_hash(octree), settings, source_hash(_CODE)
         key = hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
         keys += key
-        track = yield from camera_track(octree, frames=settings.frames, size_px=settings.size_px, seed=settings.seed)
+        track = yield from camera_track(octree, settings)
         cameras = track[:: settings.every]
         for number, camera in enumerate(cameras):
             yield Progress(number, len(cameras), "Rendering training frames")

@@ -134,31 +134,39 @@ class Approaches:
         return np.geomspace(self._far_world, nearest, count + 1)[1:]
 
 
-def camera_track(
-    octree: Octree,
-    *,
-    frames: int = 2000,
-    size_px: tuple[int, int] = (130, 130),
-    lookahead: int = DEFAULT_LOOKAHEAD,
-    seed: int = 0,
-) -> Steps[list[Camera]]:
-    """Create a track of `frames` cameras: approaches in the first half, explorations in the second.
+@dataclass(frozen=True)
+class TrackSettings:
+    """Settings of a track.
+
+    frames: of the whole track. every: distance of the frames in use. size_px: of the pictures. seed: of the choice of
+    targets and poses.
+    """
+
+    frames: int = 2000
+    every: int = 10
+    size_px: tuple[int, int] = (130, 130)
+    seed: int = 0
+
+
+def camera_track(octree: Octree, settings: TrackSettings, lookahead: int = DEFAULT_LOOKAHEAD) -> Steps[list[Camera]]:
+    """Create a track of all its frames' cameras: approaches in the first half, explorations in the second.
 
     Cameras and the ways between them are at least four finest voxels from occupied voxels. At least 95 % of hits have
     look-ahead if the scene has room for that. An approach starts three cube sides away and comes nearer by a constant
     factor per frame, 1.3 % in 200 frames; an exploration moves at most 0.01 cube sides and turns at most 3 degrees per
     frame.
 
-    octree: with leaves on one level. seed: of the choice of targets and poses. Raises SettingError for fewer than two
-    frames or less depth than `lookahead`, SceneError without free space or visible surface.
+    octree: with leaves on one level. Raises SettingError for fewer than two frames or less depth than `lookahead`,
+    SceneError without free space or visible surface.
     """
+    frames = settings.frames
     if frames < 2:
         raise SettingError(f"A camera track of {frames} frames is too short: give at least 2 frames")
     if octree.depth <= lookahead:
         raise SettingError(f"Depth {octree.depth} has no {lookahead} levels of look-ahead: give a deeper octree")
     yield Progress(0, frames, "Looking for poses")
-    around = Surroundings(octree, size_px, lookahead)
-    near_random, far_random = np.random.default_rng(seed).spawn(2)
+    around = Surroundings(octree, settings.size_px, lookahead)
+    near_random, far_random = np.random.default_rng(settings.seed).spawn(2)
     approaches, explorations = Approaches(around, far_random), Explorations(around, near_random)
     cameras: list[Camera] = []
     first, second = _shots(frames - frames // 2), _shots(frames // 2)

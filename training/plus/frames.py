@@ -21,8 +21,7 @@ from ...patchnet_addon.sampling.plus_planes import view_planes
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.supersample import supersample
-from ..evaluation.map_frames import FrameSettings
-from ..evaluation.tracks import camera_track
+from ..evaluation.tracks import TrackSettings, camera_track
 from ..network.research_encoder import research_encoder
 
 SYMMETRIES = 8  # symmetries of a square
@@ -32,14 +31,14 @@ _INPUTS = Strategy(
 )
 
 
-def pixels_of(path: Path, weights: Weights, settings: FrameSettings, side: int, pixels: int) -> Steps[PixelTable]:
+def pixels_of(path: Path, weights: Weights, settings: TrackSettings, side: int, pixels: int) -> Steps[PixelTable]:
     """Table of up to `pixels` active pixels of each frame of an octree's track, chosen by its seed.
 
     side: rays along a pixel's side of the reference. Raises OctreeFileError, and SettingError or SceneError as
     `camera_track`.
     """
     octree = load_octree(path)
-    cameras = yield from camera_track(octree, frames=settings.frames, size_px=settings.size_px, seed=settings.seed)
+    cameras = yield from camera_track(octree, settings)
     cameras = cameras[settings.every // 2 :: settings.every] or cameras[:1]
     coded = yield from encode_octree(octree, weights, encoder=research_encoder(weights))
     parts = []

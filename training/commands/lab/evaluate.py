@@ -21,7 +21,7 @@ from ....patchnet_addon.runtime.replace import replaced_file
 from ... import bounds
 from ...file_kinds import EVALUATION, EVALUATION_TABLES
 from ..arguments import check_octrees, named_file
-from .scene_arguments import add_scenes, add_track, scenes_named, stated
+from .scene_arguments import add_scenes, add_track, scenes_named, stated, track_settings
 
 if TYPE_CHECKING:
     from ...evaluation.codes import EvaluationSettings
@@ -63,10 +63,7 @@ def run(args: argparse.Namespace) -> int:
     from ...evaluation.strategies import patch_networks
 
     settings = EvaluationSettings(
-        frames=args.frames,
-        every=args.every,
-        size_px=tuple(args.size),
-        seed=args.seed,
+        track=track_settings(args, args.every),
         weights=args.weights,
         processes=args.processes,
         maps=tuple(args.maps),

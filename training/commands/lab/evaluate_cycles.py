@@ -22,7 +22,7 @@ from ....patchnet_addon.runtime.replace import replaced_file
 from ... import bounds as lab_bounds
 from ...file_kinds import CYCLES_EVALUATION, EVALUATION_TABLES
 from ..arguments import named_file
-from .scene_arguments import add_track, scenes_named, stated
+from .scene_arguments import add_track, scenes_named, stated, track_settings
 
 if TYPE_CHECKING:
     from ....patchnet_addon.codes.coded_octree import CodedOctree
@@ -115,9 +115,7 @@ def _measured(
     bisect = None if scene.bisect is None else (AXES.index(scene.bisect[0]), scene.bisect[1])
     with quiet_stdout(), as_in_octree(bpy.context, octree, scene.light, bisect):
         coded = yield from kept_codes(octree, weights, args.out / "scenes" / scene.name)
-        track = yield from camera_track(
-            octree, frames=args.frames, size_px=tuple(args.size), lookahead=weights.lookahead, seed=args.seed
-        )
+        track = yield from camera_track(octree, track_settings(args), weights.lookahead)
         results = []
         for camera in spread_cameras(track, args.cameras):
             steps = _camera(coded, camera, scene, args.samples)

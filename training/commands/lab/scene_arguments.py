@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ....commands.shared.arguments import add_number
 from ....commands.shared.lines import say_note
@@ -12,12 +12,22 @@ from ....patchnet_addon.runtime import bounds
 from ... import bounds as lab_bounds
 from ...evaluation.catalogue import SCENES, Scene, scene_named
 
+if TYPE_CHECKING:
+    from ...evaluation.tracks import TrackSettings
+
 
 def add_track(parser: argparse.ArgumentParser, seeds: str = "the camera tracks") -> None:
     """Add --frames, --size and --seed of each scene's track. seeds: what the seed is of."""
     add_number(parser, "--frames", lab_bounds.TRACK_FRAMES, "frames of each scene's track", 2000)
     add_number(parser, "--size", bounds.VIEW_PX, "pixels", (130, 130), metavar=("WIDTH", "HEIGHT"))
     add_number(parser, "--seed", bounds.SEED, f"of {seeds}", 0)
+
+
+def track_settings(args: argparse.Namespace, every: int = 1) -> TrackSettings:
+    """Settings of a track from the arguments of `add_track`."""
+    from ...evaluation.tracks import TrackSettings
+
+    return TrackSettings(args.frames, every, tuple(args.size), args.seed)
 
 
 def stated(args: argparse.Namespace, *names: str) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from ...evaluation.networks import NAMES
 from ...run.run_files import check_run
 from ..arguments import check_octrees
 from ..training_run import add_run_arguments, require_torch
-from .scene_arguments import add_track
+from .scene_arguments import add_track, track_settings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
 
     from ....commands.shared.progress_lines import progress_lines
     from ....patchnet_addon.network.devices import found_device
-    from ...evaluation.map_frames import FrameSettings, rendered_frames
+    from ...evaluation.map_frames import rendered_frames
     from ...evaluation.networks.train_maps import MapSettings, train_maps
     from ...run.provenance import run_notes
     from ...run.trainer import RunOptions
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     if args.threads is not None:
         torch.set_num_threads(args.threads)
     settings = MapSettings(args.network, args.steps, args.batch or 0, args.crop or 0, args.rate, args.seed)
-    tracks = FrameSettings(args.frames, args.every, tuple(args.size), args.seed)
+    tracks = track_settings(args, args.every)
     options = RunOptions(
         args.out, args.resume, stop_after=args.stop_after, device=device, notes=run_notes(device)
     )  # fmt: skip

@@ -26,7 +26,7 @@ from ....patchnet_addon.runtime.quantities import counted
 from ... import bounds as lab_bounds
 from ..arguments import check_octrees
 from ..training_run import require_torch, say_written
-from .scene_arguments import add_track
+from .scene_arguments import add_track, track_settings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +57,6 @@ def run(args: argparse.Namespace) -> int:
     from ....patchnet_addon.octree.file import load_octree, octree_hash
     from ....patchnet_addon.sampling.plus.weights import load_estimators, with_estimators
     from ...encoders import load_weights
-    from ...evaluation.map_frames import FrameSettings
     from ...plus.frames import PixelTable, pixels_of
     from ...plus.train import RUN_FILES, PlusSettings, train_plus
     from ...run.provenance import describe_commit, run_notes
@@ -69,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     torch.set_num_threads(args.threads)
     weights = load_weights(args.weights)
     settings = PlusSettings(args.steps, args.batch, args.pixels, args.rate, args.seed)
-    tracks = FrameSettings(args.frames, args.every, tuple(args.size), args.seed)
+    tracks = track_settings(args, args.every)
     octrees = {path.name: octree_hash(load_octree(path)) for path in args.octrees}
     notes = run_notes() | {"commit": describe_commit(), "patchnet": weights.hash, "octrees": octrees}
     show = progress_lines()
