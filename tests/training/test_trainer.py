@@ -21,6 +21,7 @@ from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset, load_dataset
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.encoders import CONV3D, VOXCEPTION
+from patchnet.training.encoders import load_weights as load_research_weights
 from patchnet.training.settings import PRESETS, TrainSettings, preset_with
 
 torch = pytest.importorskip("torch")
@@ -66,6 +67,14 @@ def test_learns_a_small_set(datasets: list[Dataset], tmp_path: Path) -> None:
     seen = luminance[coverage > 0]
     assert last["coverage"] < 0.5 * np.abs(coverage - np.median(coverage)).mean()
     assert last["luminance"] < 0.5 * np.abs(seen - np.median(seen)).mean()
+
+
+@pytest.mark.parametrize(("encoder", "lookahead"), [("conv3d", 1), ("voxception", 3)])
+def test_every_encoder_and_look_ahead_is_trained(tmp_path: Path, encoder: str, lookahead: int) -> None:
+    settings = replace(SETTINGS, network="mixture", encoder=encoder, encoder_width=0)
+    weights = drain(train(two_datasets(2, lookahead), settings, RunOptions(tmp_path, stop_after=2)))
+    assert (weights.encoder_kind.name, weights.lookahead, weights.kind.mixes) == (encoder, lookahead, True)
+    assert load_research_weights(tmp_path / "patchnet.safetensors").hash == weights.hash
 
 
 def test_resumed_run_equals_uninterrupted(datasets: list[Dataset], tmp_path: Path) -> None:

@@ -17,7 +17,6 @@ NAMES = {
     "train": "train PatchNet on sample files",
     "validate": "errors of weights on samples of scenes",
     "train-plus": "train the estimator of pixel errors",
-    "train-networks": "train the networks of the paper: of each scene, without one, by look-ahead, by encoder",
     "train-maps": "train the sampling-map networks of the literature",
     "evaluate": "compare all strategies on camera tracks of scenes",
     "evaluate-cycles": "compare all strategies against renders by Cycles",
