@@ -9,6 +9,8 @@ from random import Random
 import bmesh
 import bpy
 
+from ....operators.demo_scene.geometry import add_object
+
 _TURN_DEGREES = 137.5  # between one object and the next, as seeds of a sunflower, so that few objects overlap
 
 
@@ -34,14 +36,8 @@ def place(rng: Random, item: bpy.types.Object, number: int) -> None:
         _instance_on(item, "VERTS" if kind == "vertices" else "FACES")
 
 
-def _new(name: str, data: bpy.types.ID | None = None) -> bpy.types.Object:
-    item = bpy.data.objects.new(name, data)
-    bpy.context.scene.collection.objects.link(item)
-    return item
-
-
 def _parent(item: bpy.types.Object) -> bpy.types.Object:
-    item.parent = _new(f"Parent of {item.name}")
+    item.parent = add_object(bpy.context.scene.collection, f"Parent of {item.name}", None)
     return item.parent
 
 
@@ -55,7 +51,7 @@ def _instance_collection(rng: Random, item: bpy.types.Object) -> None:
         bpy.context.scene.collection.children.link(collection)
         collection.hide_viewport = rng.random() < 0.3
     for side in (-1.0, 1.0):
-        empty = _new(f"Instance of {item.name}")
+        empty = add_object(bpy.context.scene.collection, f"Instance of {item.name}", None)
         empty.instance_type, empty.instance_collection = "COLLECTION", collection
         empty.location, empty.rotation_euler, empty.scale = (
             (side, 0.5 * side, 0.1),
@@ -70,7 +66,7 @@ def _instance_on(item: bpy.types.Object, kind: str) -> None:
     bmesh.ops.create_grid(shape, x_segments=1, y_segments=1, size=1.2)
     shape.to_mesh(mesh)
     shape.free()
-    points = _new(f"Points of {item.name}", mesh)
+    points = add_object(bpy.context.scene.collection, f"Points of {item.name}", mesh)
     points.instance_type, points.location = kind, item.location
     item.location, item.parent = (0.0, 0.0, 0.0), points
     item.scale = 0.5 * item.scale

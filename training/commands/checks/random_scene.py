@@ -10,6 +10,7 @@ from random import Random
 
 import bpy
 
+from ....operators.demo_scene.geometry import add_object
 from .materials import new_material
 from .placing import place, vary_visibility
 from .shapes import new_ground, new_shape
@@ -46,8 +47,7 @@ def _transform(rng: Random) -> None:
     if size == 1.0 and not offset:
         return
     roots = [item for item in bpy.data.objects if item.parent is None]
-    whole = bpy.data.objects.new("Whole", None)
-    bpy.context.scene.collection.objects.link(whole)
+    whole = add_object(bpy.context.scene.collection, "Whole", None)
     whole.scale, whole.location = (size,) * 3, (offset, 0.0, 0.0)
     for item in roots:
         item.parent = whole

@@ -11,6 +11,7 @@ import bmesh
 import bpy
 from mathutils import Vector
 
+from ....operators.demo_scene.geometry import add_object
 from .materials import COLORS, UVS, VALUES, plain_material
 
 _PRIMITIVES: dict[str, tuple[str, dict[str, Any]]] = {
@@ -62,10 +63,8 @@ def new_shape(rng: Random, number: int, materials: Sequence[bpy.types.Material])
 
 
 def _linked(name: str, data: bpy.types.ID) -> bpy.types.Object:
-    item = bpy.data.objects.new(name, data)
     data.name = name
-    bpy.context.scene.collection.objects.link(item)
-    return item
+    return add_object(bpy.context.scene.collection, name, data)
 
 
 def _primitive(kind: str) -> bpy.types.Mesh:

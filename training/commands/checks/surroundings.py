@@ -9,13 +9,9 @@ from random import Random
 import bpy
 from mathutils import Vector
 
+from ....operators.demo_scene.geometry import add_object
+
 TARGET = (0.0, 0.0, 0.8)
-
-
-def _new(name: str, data: bpy.types.ID | None) -> bpy.types.Object:
-    item = bpy.data.objects.new(name, data)
-    bpy.context.scene.collection.objects.link(item)
-    return item
 
 
 def add_world(rng: Random) -> None:
@@ -57,7 +53,7 @@ def add_lamps(rng: Random) -> None:
             data.shape, data.size, data.size_y = rng.choice(("SQUARE", "DISK", "RECTANGLE", "ELLIPSE")), 1.5, 0.5
         else:
             data.shadow_soft_size = rng.choice((0.0, 0.1, 0.4))
-        item, angle = _new(data.name, data), rng.uniform(0.0, 6.3)
+        item, angle = add_object(bpy.context.scene.collection, data.name, data), rng.uniform(0.0, 6.3)
         item.location = (3.0 * cos(angle), 3.0 * sin(angle), rng.uniform(3.0, 5.0))
         _aim(item, TARGET)
 
@@ -69,7 +65,7 @@ def _aim(item: bpy.types.Object, target: tuple[float, float, float]) -> None:
 def add_camera(rng: Random) -> None:
     """Add the active camera, which looks at the origin: perspective, orthographic, shifted, mirrored, with a parent."""
     data = bpy.data.cameras.new("Camera")
-    item, angle = _new("Camera", data), rng.uniform(0.0, 6.3)
+    item, angle = add_object(bpy.context.scene.collection, "Camera", data), rng.uniform(0.0, 6.3)
     item.location = (6.0 * cos(angle), 6.0 * sin(angle), rng.uniform(1.5, 5.0))
     bpy.context.scene.camera = item
     _aim(item, TARGET)
@@ -82,6 +78,6 @@ def add_camera(rng: Random) -> None:
     elif kind == "mirrored":
         item.scale = (-1.0, 1.0, 1.0)
     elif kind == "parent":
-        parent = _new("Parent of Camera", None)
+        parent = add_object(bpy.context.scene.collection, "Parent of Camera", None)
         parent.rotation_euler, parent.scale = (0.0, 0.0, 0.7), (1.0, 1.0, 0.8)
         item.parent = parent
