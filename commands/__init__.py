@@ -13,7 +13,7 @@ The help of every call imports the modules: they import numba, torch and Blender
 import argparse
 import importlib
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Any, NoReturn
@@ -36,17 +36,15 @@ EXIT_ERROR = 2
 def main(
     argv: Sequence[str] | None = None,
     *,
-    names: Iterable[str] = NAMES,
     program: str = "patchnet",
     level: str = "WARNING",
     more: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
 ) -> int:
     """Run the command line.
 
-    argv: arguments without the program's name (those of the process). names: available sub-commands (all). level:
-    lowest level of log messages shown to users. more: short helps of sub-commands of other packages. Returns the exit
-    code: 0 for success, 2 for bad input (one sentence on stderr), and with a JSON log 1 for an unexpected error, which
-    is raised otherwise.
+    argv: arguments without the program's name (those of the process). level: lowest level of log messages shown to
+    users. more: short helps of sub-commands of other packages. Returns the exit code: 0 for success, 2 for bad input
+    (one sentence on stderr), and with a JSON log 1 for an unexpected error, which is raised otherwise.
     """
     from ..patchnet_addon.runtime import log
     from ..patchnet_addon.runtime.errors import FileAccessError, PatchNetError
@@ -55,7 +53,7 @@ def main(
     words = sys.argv[1:] if argv is None else list(argv)
     try:
         log.set_up(_log_format(words), level)
-        args = make_parser(names, program, more).parse_args(words)
+        args = make_parser(program, more).parse_args(words)
         args.words = words
         log.start(args.command, arguments=words)
         return int(args.run(args))
@@ -83,18 +81,16 @@ class _Parser(argparse.ArgumentParser):
 
 
 def make_parser(
-    names: Iterable[str] = NAMES,
-    program: str = "patchnet",
-    more: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
+    program: str = "patchnet", more: Mapping[str, Mapping[str, str]] = MappingProxyType({})
 ) -> argparse.ArgumentParser:
-    """Parser of the command line with these sub-commands; docs/make_commands.py reads it."""
+    """Parser of the command line; docs/make_commands.py reads it."""
     from .shared.arguments import add_version
 
     parser = _Parser(prog=program, description="See where a coarse view of a scene is wrong, and refine there first.")
     add_version(parser)
     add_log_format(parser)
     subparsers = parser.add_subparsers(dest="command", metavar="SUB-COMMAND", required=True)
-    add_commands(subparsers, __name__, {name: NAMES[name] for name in names})
+    add_commands(subparsers, __name__, NAMES)
     for package, helps in more.items():
         add_commands(subparsers, package, helps)
     return parser

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`blender --command patchnet SUB-COMMAND`: the sub-commands that need no torch, inside Blender.
+"""`blender --command patchnet SUB-COMMAND`: the sub-commands of users, inside Blender.
 
 Blender exits with the returned code: 0 for success, 1 for an unexpected error, 2 for bad input.
 """
@@ -13,7 +13,6 @@ from typing import Any
 
 ID = "patchnet"
 PROGRAM = f"blender --command {ID}"
-NAMES = ("run", "fly-through", "demo", "info", "octree", "export", "verify-light")
 
 _handles: list[Any] = []
 
@@ -50,7 +49,7 @@ def execute(words: Sequence[str]) -> int:
     try:
         apply_preferences(bpy.context)
         level = preferences(bpy.context).log_level
-        code = main([_blender_path(word) for word in words], names=NAMES, program=PROGRAM, level=level)
+        code = main([_blender_path(word) for word in words], program=PROGRAM, level=level)
         print(end="", flush=True)
         return code
     except PatchNetError as error:

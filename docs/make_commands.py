@@ -14,8 +14,8 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
+from patchnet.commands import NAMES as IN_BLENDER
 from patchnet.commands import make_parser
-from patchnet.commands.blender_command import NAMES as IN_BLENDER
 from patchnet.training.commands import RESEARCH
 
 PAGE = Path(__file__).with_name("commands.md")
