@@ -121,18 +121,14 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
     """Rates of one camera, and the cost of the finer hit of a ray."""
     unit = camera_in_unit_cube(camera, octree.grid)
     coarse = Search(unit.side_at_0, unit.side_per_z, 0.25, COARSE)
-    leaves = coarse._replace(at_0=0.0, per_z=0.0)
     pixels = _blocks(camera)
     runs: dict[str, Callable[[], Any]] = {
         "ours": partial(trace_pixels, octree, camera, coarse),
-        "leaves": partial(trace_pixels, octree, camera, leaves),
         "fine": partial(trace_pixels, octree, camera, coarse._replace(last=FINE)),
-        "picture": partial(first_hits, octree, camera),
         "reference": partial(supersample_pixels, octree, camera, pixels, _SIDE),
     }
     if octree.pieces is not None:
         runs["exact"] = partial(trace_pixels, octree, camera, coarse, octree.exact_nodes)
-        runs["exact_leaves"] = partial(trace_pixels, octree, camera, leaves, octree.exact_nodes)
     if embree is not None:
         runs["embree"] = embree.run(octree, camera)
     for run in runs.values():
@@ -145,7 +141,7 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
         "visits_per_ray": visits_per_ray(octree, camera),
         "rays_per_s": {name: rays[name] / seconds[name] for name in runs},
         "ratio": None if embree is None else seconds["embree"] / seconds["ours"],
-        "same_hits": _same_hits(octree, camera, leaves, embree),
+        "same_hits": _same_hits(octree, camera, coarse._replace(at_0=0.0, per_z=0.0), embree),
         "fine_costs": seconds["fine"] / seconds["ours"] - 1.0,
     }
 
