@@ -22,7 +22,7 @@ from patchnet.tests.blender.shaders import simple
 from patchnet.training import commands
 from patchnet.training.commands.lab.octree_light import as_in_octree, shown_as
 from patchnet.training.evaluation import poses
-from patchnet.training.evaluation.catalogue import CYCLES, FOLDER, SCENES, TEST, TWO_LIGHTS, Scene
+from patchnet.training.evaluation.catalogue import CYCLES, FOLDER, SCENES, TWO_LIGHTS, Scene
 from patchnet.training.strategies.registry import EVALUATED
 
 FILE = "bars.obj"
@@ -47,7 +47,7 @@ def scenes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Scene]:
     """Scenes of one file: in Cycles' light, in Two Lights and cut open, in Cycles' light and cut open; catalogued."""
     save_bars(tmp_path / FILE)
     monkeypatch.setenv(FOLDER, str(tmp_path))
-    common = {"file": FILE, "source": "a test", "licence": "none", "role": TEST, "max_samples": 2, "depth": DEPTH}
+    common = {"file": FILE, "source": "a test", "licence": "none", "max_samples": 2, "depth": DEPTH}
     found = {
         "bars": Scene("bars", "Bars", light=CYCLES, **common),
         "bars-cut": Scene("bars-cut", "Bars, cut", light=TWO_LIGHTS, bisect=("x", 0.75), **common),

@@ -19,7 +19,6 @@ from ...patchnet_addon.runtime.versions import installed_version
 
 FOLDER = "PATCHNET_SCENES"  # environment variable: folder of the scene files
 CYCLES, TWO_LIGHTS = "cycles", "two-lights"
-TRAIN, TEST = "train", "test"
 OWN_SCENES = ("demo", "room")  # built-in scenes
 _CODE = "commands.octree"  # creates the octrees
 # Lamps far above San Miguel, and street and ground around the house, which would enlarge the cube.
@@ -32,8 +31,8 @@ _PLANTS = (
     "ivy", "lagerstroemia", "leave a_", "lilium", "mona_lisa", "oxeye_daisy", "paniceum", "pansy", "pendula",
     "phyllostachya", "poinsettia", "rose", "verschaffeltii", "zebrina",
 )  # fmt: skip
-_SAN_MIGUEL = ("san_miguel.glb", CYCLES, "San Miguel by Guillermo M. Leal Llaguno", "CC BY 3.0", TRAIN)
-_LDRAW = ("Parts of the LDraw.org parts library", "CC BY 2.0", TEST)
+_SAN_MIGUEL = ("san_miguel.glb", CYCLES, "San Miguel by Guillermo M. Leal Llaguno", "CC BY 3.0")
+_LDRAW = ("Parts of the LDraw.org parts library", "CC BY 2.0")
 _FURNISHED_LICENCE = "CC BY 3.0 US; GPL-3.0-or-later"
 
 
@@ -46,9 +45,8 @@ class Scene:
     (methods 7.3). max_samples: most Cycles samples of a place. depth: of the octree. without: lower-case texts; objects
     below a name with one of them are left out. bisect: axis ("x", "y" or "z") and position of a cut plane, as a share
     of the extent. views: position and target (6 numbers, world units) of cameras to fit the octree to, instead of
-    `depth`; view_px: size of their square pictures. source, licence: credits of the file. role: "train" if the shipped
-    weights were trained on the scene, else "test". composed: arguments of `patchnet` that create the file, without
-    --out; "" for a downloaded file.
+    `depth`; view_px: size of their square pictures. source, licence: credits of the file. composed: arguments of
+    `patchnet` that create the file, without --out; "" for a downloaded file.
     """
 
     name: str
@@ -57,7 +55,6 @@ class Scene:
     light: str
     source: str
     licence: str
-    role: str
     max_samples: int = 64
     depth: int = 10
     without: tuple[str, ...] = ()
@@ -112,12 +109,12 @@ _TABLE = (
     # Bisected along its length as in the paper, to show the inside.
     Scene(
         "sponza", "Sponza", "sponza_crytek.glb", TWO_LIGHTS, "Sponza by Frank Meinl, Crytek",
-        "geometry CC BY 3.0; licence of the textures not stated", TRAIN, bisect=("y", 0.5),
+        "geometry CC BY 3.0; licence of the textures not stated", bisect=("y", 0.5),
     ),
     # Ducts, pipes and wires without walls, instead of the paper's power plant.
     Scene(
         "clinic", "Clinic", "bim_clinic.glb", TWO_LIGHTS,
-        "Medical-Dental Test Files by buildingSMART International", "CC BY 4.0", TRAIN,
+        "Medical-Dental Test Files by buildingSMART International", "CC BY 4.0",
         without=("architectural", "structural"),
     ),
     # Thousands of CAD parts, instead of the paper's airplane.
@@ -126,20 +123,20 @@ _TABLE = (
     Scene("station", "Space station", "ldraw_iss.glb", TWO_LIGHTS, *_LDRAW),
     # Smooth surfaces.
     Scene(
-        "sports-car", "Sports car", "sports_car.glb", TWO_LIGHTS, "Sports car by Yasutoshi Mori", "CC BY 4.0", TEST
+        "sports-car", "Sports car", "sports_car.glb", TWO_LIGHTS, "Sports car by Yasutoshi Mori", "CC BY 4.0"
     ),
     # The built-in demo scene, held out from training.
-    Scene("courtyard", "Courtyard", "demo", CYCLES, "built by `patchnet demo`", "GPL-3.0-or-later", TEST),
+    Scene("courtyard", "Courtyard", "demo", CYCLES, "built by `patchnet demo`", "GPL-3.0-or-later"),
     # With people, from a held-out library; cut open, since inside it is dark beside its sunlit outside.
     Scene(
         "furnished-room", "Furnished room", "furnished_room.glb", CYCLES,
-        "people by Reallusion, the room and its furniture built by `patchnet lab furnish`", _FURNISHED_LICENCE, TEST,
+        "people by Reallusion, the room and its furniture built by `patchnet lab furnish`", _FURNISHED_LICENCE,
         without=("ceiling",), composed="furnish Reallusion.sh3f --kind interior --seed 1",
     ),
     # With people behind a fence of thin bars.
     Scene(
         "furnished-garden", "Furnished garden", "furnished_garden.glb", CYCLES,
-        "people by Reallusion, the garden and its plants built by `patchnet lab furnish`", _FURNISHED_LICENCE, TEST,
+        "people by Reallusion, the garden and its plants built by `patchnet lab furnish`", _FURNISHED_LICENCE,
         composed="furnish Reallusion.sh3f --kind garden --seed 1",
     ),
 )  # fmt: skip

@@ -20,8 +20,7 @@ from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
-from .bootstrap import finite
-from .curves import BUDGETS, OPTIMAL, excess_area, frame_errors, frame_orders
+from .curves import BUDGETS, frame_errors, frame_orders
 
 OCTREE, DIFFUSE, COMBINED = "octree", "diffuse", "combined"  # truths: G1, G2, and G2 with gloss and glass
 
@@ -93,16 +92,11 @@ def cycles_results(
 
     `mse` is against the diffuse light; `truths` has the same of each truth, with bias and noise.
     """
-    names = list(strategies)
     active = max(sum(result.active for result in results), 1)
     truths: dict[str, Any] = {}
     for truth in results[0].errors:
         mse = np.sum([result.errors[truth] for result in results], axis=0) / active
-        areas = excess_area(mse, mse[names.index(OPTIMAL)])
-        truths[truth] = {
-            "mse": {name: mse[row].tolist() for row, name in enumerate(names)},
-            "excess_area": {name: finite(areas[row]) for row, name in enumerate(names)},
-        }
+        truths[truth] = {"mse": {name: mse[row].tolist() for row, name in enumerate(strategies)}}
         if truth != OCTREE:
             truths[truth] |= {
                 "bias": sum(result.bias[truth] for result in results) / active,

@@ -111,11 +111,7 @@ def _measured(
 ) -> dict[str, Any]:
     """Rates of the card and of the CPU's kernels in a view, and differences, as plain values."""
     works, images = _works(card, camera)
-    half, _ = _works(card, camera.with_size(max(camera.width_px // 2, 1), max(camera.height_px // 2, 1)))
     runs: dict[str, Work] = {name: partial(_finished, device, work) for name, work in works.items()}
-    # A viewport that moves draws colours, and the heatmap at half the resolution.
-    heat = [work for name, work in half.items() if name != "color"]
-    runs["frame"] = partial(_finished, device, works["color"], *heat)
     for run in runs.values():
         run()  # before they are timed
     hits = first_hits(coded.octree, camera)
@@ -134,15 +130,13 @@ def _measured(
         "hit_share": float(hits.hit.mean()),
         "look_ahead_share": ahead / pixels,
         "card": {name: (ahead if name == "decode" else pixels) / seconds[name] for name in works},
-        "frame_ms": 1e3 * seconds["frame"],
         "cpu": {"trace": pixels / seconds["cpu_trace"], "decode": ahead / seconds["cpu_decode"]},
         **equal,
     }
 
 
-def _finished(device: EglDevice, *works: Work) -> None:
-    for work in works:
-        work()
+def _finished(device: EglDevice, work: Work) -> None:
+    work()
     device.finish()
 
 

@@ -11,18 +11,13 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ....commands.shared.arguments import add_number, add_out
 from ....patchnet_addon.runtime.quantities import counted
 from ... import bounds
 from ..training_run import require_torch
-
-if TYPE_CHECKING:
-    from ....patchnet_addon.network.weights import Weights
-    from ...data.dataset import Dataset
 
 _VOXELS = 4096
 
@@ -39,11 +34,14 @@ def run(args: argparse.Namespace) -> int:
     """Print a line of errors for each of the weights and files; returns 0; raises PatchNetError."""
     from ....commands.shared.lines import make_parent, say_result
     from ....patchnet_addon.runtime.outputs import check_outputs
+    from ....patchnet_addon.runtime.replace import replaced_file
     from ...data.dataset import check_names, load_dataset, name_of, sample_files
     from ...encoders import load_weights
     from ...file_kinds import ERRORS
 
     require_torch()
+    from ...run.validation import weights_errors
+
     files = sample_files(args.datasets)
     check_names(name_of(file) for file in files)
     if args.out:
@@ -54,30 +52,16 @@ def run(args: argparse.Namespace) -> int:
         weights = load_weights(path)
         name = str(path) if path else "shipped"
         print(f"{name} ({weights.hash})")
-        found[name] = errors_of(weights, map(load_dataset, files), args.voxels)
-        for scene, errors in found[name]["scenes"].items():
+        datasets = map(load_dataset, files)
+        scenes = {dataset.name: weights_errors(weights, dataset, args.voxels) for dataset in datasets}
+        found[name] = {"weights_hash": weights.hash, "scenes": scenes}
+        for scene, errors in scenes.items():
             print(f"  {scene:<24} {_line(errors)}")
     if args.out:
-        write_errors(args.out, found)
+        with replaced_file(args.out, ERRORS) as target:
+            target.write(json.dumps({"errors": found}, indent=1).encode())
     say_result(f"{counted(len(files), 'file')}, {len(found)} weights", file=args.out)
     return 0
-
-
-def errors_of(weights: Weights, datasets: Iterable[Dataset], voxels: int) -> dict[str, Any]:
-    """Hash of weights (`weights_hash`) and their errors by scene (`scenes`), as `weights_errors` gives them."""
-    from ...run.validation import weights_errors
-
-    scenes = {dataset.name: weights_errors(weights, dataset, voxels) for dataset in datasets}
-    return {"weights_hash": weights.hash, "scenes": scenes}
-
-
-def write_errors(path: Path, found: Mapping[str, Any]) -> None:
-    """Write `errors_of` each of the weights, by their name; raises OutputError."""
-    from ....patchnet_addon.runtime.replace import replaced_file
-    from ...file_kinds import ERRORS
-
-    with replaced_file(path, ERRORS) as target:
-        target.write(json.dumps({"errors": found}, indent=1).encode())
 
 
 def _line(errors: dict[str, Any]) -> str:

@@ -23,7 +23,6 @@ from ....patchnet_addon.runtime.progress import Steps
 from ....patchnet_addon.sampling.errors import sum_left_after
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.refine import refinement_order
-from ....patchnet_addon.sampling.strategy import Strategy
 from ....patchnet_addon.sampling.trace import trace_view
 from ....patchnet_addon.tracing.camera import Camera
 from ...strategies.registry import EVALUATED
@@ -45,8 +44,7 @@ _TABLEWARE = (
 )  # fmt: skip
 _FIT_FOV = np.radians(50.0)  # of the views of `patchnet octree`, and of the nearest picture
 _PIXEL = 2.0 * np.tan(_FIT_FOV / 2) / SIZE_PX  # side of a pixel at distance 1
-EXACT = ("patchnet-behind-exact", "patchnet-exact")  # the first is shown: its score is a luminance error
-NETWORK = ("patchnet-behind", "patchnet")
+EXACT, NETWORK = "patchnet-behind-exact", "patchnet-behind"  # whose scores are luminance errors
 PLAIN = ("ss-variance", "optimal")
 _QUANTILE = 0.995  # of the shown errors: end of the color scale
 _COLORS = {1: GREEN, 2: BLUE, 3: PURPLE}
@@ -135,24 +133,20 @@ def distance_view(
     shares = {}
     # Pixels and reference are the same for all look-aheads, so they are not rendered again.
     for lookahead in LOOKAHEADS:
-        exact = [EVALUATED[name] for name in EXACT]
-        view = yield from trace_view(octree, camera, exact, reference=False, lookahead=lookahead)
-        scores |= _scores(exact, replace(view, reference=buffers.reference), lookahead)
+        exact = EVALUATED[EXACT]
+        view = yield from trace_view(octree, camera, [exact], reference=False, lookahead=lookahead)
+        scores[named(EXACT, lookahead)] = exact.scores(view)
         shares[lookahead] = float(octree.look_ahead(lookahead)[hits].mean()) if len(hits) else 0.0
     for each in coded:
-        network = [EVALUATED[name] for name in NETWORK]
-        view = yield from trace_view(octree, camera, network, coded=each, reference=False)
-        scores |= _scores(network, replace(view, reference=buffers.reference), each.weights.lookahead)
+        network = EVALUATED[NETWORK]
+        view = yield from trace_view(octree, camera, [network], coded=each, reference=False)
+        scores[named(NETWORK, each.weights.lookahead)] = network.scores(view)
     levels = octree.level_of(hits)
     voxel = octree.grid.side_world * 2.0 ** -float(np.median(levels)) if len(levels) else float("nan")
     seen = buffers.hits
     points = camera.position_world + seen.direction * np.where(seen.hit, seen.t_world, 0.0)[:, None]
     inside = (points >= box_world[0] - voxel) & (points <= box_world[1] + voxel)
     return DistanceView(camera, buffers, scores, seen.hit & inside.all(axis=1), shares, voxel)
-
-
-def _scores(strategies: Sequence[Strategy], view: PixelBuffers, lookahead: int) -> dict[str, np.ndarray]:
-    return {named(strategy.name, lookahead): strategy.scores(view) for strategy in strategies}
 
 
 def pooled_values(views: Sequence[DistanceView]) -> dict[str, Any]:
@@ -210,7 +204,7 @@ def draw_look_ahead(
     Scores of networks form a row below the exact ones of the same look-ahead. values: of `pooled_values` for all
     distances. shown_values: for each view alone. Returns the files; raises PatchNetError if one cannot be written.
     """
-    kinds = [kind[0] for kind in (EXACT, NETWORK) if not shown[0].scores.keys().isdisjoint(_names(kind[0]))]
+    kinds = [kind for kind in (EXACT, NETWORK) if not shown[0].scores.keys().isdisjoint(_names(kind))]
     columns, rows = _PICTURES + len(LOOKAHEADS), len(kinds) * len(shown)
     size = _PANEL * columns + 1.4, (_PANEL + 0.3) * rows + 3.6
     figure = Figure(figsize=size, dpi=150, layout="constrained")
@@ -256,7 +250,7 @@ def _draw_scores(
     for axes, name in zip(row, names, strict=True):
         if name in view.scores:
             kind, lookahead = name.split()
-            label = "exact" if kind in EXACT else "network"
+            label = "exact" if kind == EXACT else "network"
             title = f"{label}, {lookahead} ahead: {found['region']['strategies'][name]['found']:.0%}"
             show_values(axes, view.buffers.picture(view.scores[name]), largest, title)
 
@@ -270,7 +264,7 @@ def _draw_found(axes: Axes, values: Sequence[Mapping[str, Any]], part: str, titl
         axes.plot(distances, shares, style, color=color, lw=1.6, ms=4, label=label)
 
     draw(PLAIN[1], "optimal", ":", GRAY)
-    for kind, style, label in ((EXACT[0], "o-", "exact"), (NETWORK[0], "s--", "network")):
+    for kind, style, label in ((EXACT, "o-", "exact"), (NETWORK, "s--", "network")):
         for lookahead in reversed(LOOKAHEADS):
             name = named(kind, lookahead)
             if name in values[0][part]["strategies"]:
