@@ -13,7 +13,7 @@ import os
 import threading
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
@@ -78,10 +78,10 @@ def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path
 def _key(settings: EvaluationSettings, octree: str, weights: str) -> str:
     """Hash of the dependencies of a frame's errors: settings, files, and code."""
     code = source_hash("training.evaluation.frames", "training.evaluation.tracks")
-    kept = replace(settings, processes=None, weights=None, maps=(), networks=())
     maps = [map_hash(path) for path in settings.maps]
     networks = [(network.name, network.hash) for network in settings.networks]  # costs are stored by name
-    return hashlib.sha256(repr((kept, octree, weights, maps, networks, SIDES, code)).encode()).hexdigest()[:32]
+    what = repr((settings.track, octree, weights, maps, networks, SIDES, code))
+    return hashlib.sha256(what.encode()).hexdigest()[:32]
 
 
 def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
@@ -93,18 +93,13 @@ def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
         return
     # Not forked: threads and libraries of this process do not survive a fork.
     spawn = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(processes, len(left)), spawn, initializer=_end_with_parent)
-    try:
-        for task in as_completed([pool.submit(evaluate_block, block) for block in left]):
-            task.result()
-            done += 1
-            yield Progress(done, len(blocks), _LABEL)
-    except BaseException:  # after an error or a stop: unfinished blocks are repeated in a later run
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in multiprocessing.active_children():
-            process.terminate()
-        raise
-    pool.shutdown()
+    with ProcessPoolExecutor(min(processes, len(left)), spawn, initializer=_end_with_parent) as pool:
+        try:
+            for number, task in enumerate(as_completed([pool.submit(evaluate_block, each) for each in left]), done + 1):
+                task.result()
+                yield Progress(number, len(blocks), _LABEL)
+        finally:  # after an error or a stop, blocks that have not begun are left to a later run
+            pool.shutdown(cancel_futures=True)
 
 
 def _end_with_parent() -> None:

@@ -41,18 +41,12 @@ def _octree_hashes(datasets: Sequence[Dataset]) -> dict[str, str]:
 
 def describe_commit(root: Path = ROOT) -> str:
     """Commit of the checkout at `root`, and "with changes" if tracked files differ; empty without one."""
+    words = ["git", f"--git-dir={root / '.git'}", f"--work-tree={root}", "describe", "--always", "--abbrev=40"]
+    words += ["--exclude=*", "--dirty=, with changes"]
     try:
-        top, commit, changes = (
-            subprocess.run(["git", "-C", root, *words], capture_output=True, text=True, check=True).stdout.strip()
-            for words in (
-                ("rev-parse", "--show-toplevel"), ("rev-parse", "HEAD"), ("status", "--porcelain", "-uno")
-            )
-        )  # fmt: skip
+        return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError):  # no git, or an installed package
         return ""
-    if Path(top).resolve() != root.resolve():  # the package is inside another repository
-        return ""
-    return f"{commit}, with changes" if changes else commit
 
 
 def run_notes(device: str = CPU) -> dict[str, Any]:
