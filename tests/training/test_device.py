@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Training on devices and any number of threads: equal steps to rounding, runs that change devices."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from patchnet.tests.torch_devices import GPU, gpu_only
 from patchnet.tests.training.procedural import two_datasets
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset
+from patchnet.training.run.run_files import read_log
 from patchnet.training.settings import SQUARED, TrainSettings
 
 torch = pytest.importorskip("torch")
@@ -38,8 +38,7 @@ def datasets() -> list[Dataset]:
 
 def curve(folder: Path) -> np.ndarray:
     """Coverage and luminance errors (n, 2) of a log."""
-    lines = [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
-    return np.array([(line["coverage"], line["luminance"]) for line in lines if "coverage" in line])
+    return np.array([(line["coverage"], line["luminance"]) for line in read_log(folder / "log.jsonl")[0]])
 
 
 @pytest.mark.parametrize("encoder", ["mlp", "conv3d"])

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fresh samples: drawn views, held-out parts, the command."""
 
-import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from patchnet.training.data.corpus import FreshCorpus, fresh_corpus_of
 from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.samples import Samples, SampleSettings
 from patchnet.training.data.voxel_choice import held_out_voxels
+from patchnet.training.run.run_files import read_log
 from patchnet.training.settings import TrainSettings
 
 torch = pytest.importorskip("torch")
@@ -91,14 +91,10 @@ def test_command(datasets: list[Dataset], tmp_path: Path, capsys: pytest.Capture
     assert main([*words, "--passes", "1024"]) == 0
     weights = load_weights(out / "patchnet.safetensors")
     assert weights.metadata["settings"]["fresh"] and weights.metadata["octrees"] == {"slats": octree_hash(octree)}
-    last = json.loads((out / "log.jsonl").read_text().splitlines()[-1])
+    curve, validations = read_log(out / "log.jsonl")
+    last = validations[-1]
     assert "slats.blend is in training" in last["not_held_out"]["slats"]
     said = capsys.readouterr().out
-    for name, errors in (("learned from", last_curve(out)), ("slats", last["validation"]["slats"])):
+    for name, errors in (("learned from", curve[-1]), ("slats", last["validation"]["slats"])):
         assert f"  {name:<24} {errors['coverage']:.4f} {errors['luminance']:.4f}" in said
     assert f"{out} holds patchnet.safetensors, log.jsonl, checkpoint.pt" in said
-
-
-def last_curve(out: Path) -> dict:
-    lines = [json.loads(line) for line in (out / "log.jsonl").read_text().splitlines()]
-    return [line for line in lines if "coverage" in line][-1]

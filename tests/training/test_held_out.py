@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Held-out scenes: reasons for exclusion, reports, baselines."""
 
-import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
 from patchnet.training import commands
 from patchnet.training.data.dataset import Dataset, why_not_held_out
 from patchnet.training.data.samples import SampleSettings, draw_samples
+from patchnet.training.run.run_files import read_log
 from patchnet.training.run.validation import validation_sets
 
 pytest.importorskip("torch")
@@ -121,8 +121,7 @@ def test_train_records_and_reports(
     monkeypatch.setattr(sys, "argv", ["patchnet", *words])
     assert commands.main(words) == 0
     assert "sponza-turned is not held out: Sponza.glb is in training" in capsys.readouterr().err
-    last = json.loads((out / "log.jsonl").read_text().splitlines()[-1])
-    assert set(last["not_held_out"]) == {"sponza", "sponza-turned"}
+    assert set(read_log(out / "log.jsonl")[1][-1]["not_held_out"]) == {"sponza", "sponza-turned"}
     metadata = load_weights(out / "patchnet.safetensors").metadata
     assert metadata["octrees"] == {"sponza": octree_hash(upright.octree)}
     assert metadata["validation_octrees"]["yard"] == octree_hash(other.octree)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Luminance mixtures in training: inputs under every symmetry, equal to those of the decoder."""
 
-import json
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -31,6 +30,7 @@ from patchnet.training.data.nearby import Nearby, gather_nearby
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.data.tensor_batch import tensor_batch
 from patchnet.training.network.patchnet import PatchNet
+from patchnet.training.run.run_files import read_log
 from patchnet.training.run.trainer import RunOptions, train
 from patchnet.training.settings import TrainSettings
 
@@ -124,6 +124,5 @@ def test_mixture_learns_shape_alone(dataset: Dataset, tmp_path: Path) -> None:
     assert not weights.encoder[0][0][:, 1::5].any() and weights.kind is MIXTURE
     save_weights(weights, tmp_path / "mixture.safetensors")
     assert load_weights(tmp_path / "mixture.safetensors").hash == weights.hash
-    log = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
-    first, *_, last = (entry for entry in log if "coverage" in entry)
+    first, *_, last = read_log(tmp_path / "run" / "log.jsonl")[0]
     assert last["coverage"] < 0.8 * first["coverage"] and last["luminance"] < first["luminance"]

@@ -22,6 +22,7 @@ from patchnet.training.data.dataset import Dataset, load_dataset
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.encoders import CONV3D, VOXCEPTION
 from patchnet.training.encoders import load_weights as load_research_weights
+from patchnet.training.run.run_files import read_log
 from patchnet.training.settings import PRESETS, TrainSettings, preset_with
 
 torch = pytest.importorskip("torch")
@@ -60,8 +61,7 @@ def test_learns_a_small_set(datasets: list[Dataset], tmp_path: Path) -> None:
     """The loss falls far below that of the best constant guess."""
     settings = TrainSettings(passes=150 * 256, batch=256, precision="fp32", learning_rate=2e-3, schedule="cosine")
     drain(train(datasets, settings, RunOptions(tmp_path, log_steps=10, validate_steps=1000)))
-    curve = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
-    last = [line for line in curve if "coverage" in line][-1]
+    last = read_log(tmp_path / "log.jsonl")[0][-1]
     coverage = np.concatenate([dataset.samples.views[..., 10].ravel() / 4096 for dataset in datasets])
     luminance = np.concatenate([dataset.samples.views[..., 11].ravel() / 65535 for dataset in datasets])
     seen = luminance[coverage > 0]
