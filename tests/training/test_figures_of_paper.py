@@ -88,7 +88,7 @@ def test_crops_are_where_the_difference_is_largest():
 
 def test_split_view(shells):
     coded = drain(coded_octree(shells, load_weights()))
-    camera = drain(hardest_end(coded.octree, (60, 60)))
+    camera = drain(hardest_end(coded.octree, (60, 60), 2))
     view = drain(split_view(coded, camera))
     values = view.values()
     assert camera.name.startswith("Approach") and values["look_ahead_share"] > 0.9

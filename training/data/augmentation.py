@@ -32,12 +32,11 @@ class Augmentation:
         return cls(np.zeros(count, np.int32), np.zeros((count, 4), np.float32))
 
     @classmethod
-    def random(cls, count: int, random: np.random.Generator, remap_share: float = 0.5) -> Augmentation:
-        """Random symmetry for each voxel, and a random range of luminance for a share of them (methods 7.20)."""
+    def random(cls, count: int, random: np.random.Generator) -> Augmentation:
+        """Random symmetry for each voxel, and a random range of luminance for half of them (methods 7.20)."""
         remap = random.random((count, 4), np.float32)
         remap[:, 0] += 0.5
-        remap[:, 2] = remap[:, 2] < 0.5
-        remap[:, 3] = remap[:, 3] < remap_share
+        remap[:, 2:] = remap[:, 2:] < 0.5
         return cls(random.integers(0, COUNT, count).astype(np.int32), remap)
 
 

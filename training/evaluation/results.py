@@ -31,19 +31,17 @@ _NOT_IN_THE_PAPER = frozenset({"random", "ss-variance-hits", "ws-lut-coverage", 
 BUDGET = 0.3
 
 
-def results_of(
-    scenes: Sequence[SceneResult], networks: Sequence[PatchNetwork] = (), *, resamples: int = 2000
-) -> dict[str, Any]:
+def results_of(scenes: Sequence[SceneResult], networks: Sequence[PatchNetwork]) -> dict[str, Any]:
     """Results of scenes and of all pooled; networks: for generalisation. Raises SettingError for a single frame."""
     tracks = [TrackErrors(tuple(scene.strategies), scene.frames.active, scene.frames.left) for scene in scenes]
-    draws = {scene.name: Bootstrap.of([track], resamples) for scene, track in zip(scenes, tracks, strict=True)}
+    draws = {scene.name: Bootstrap.of([track]) for scene, track in zip(scenes, tracks, strict=True)}
     results: dict[str, Any] = {
         "scenes": {
             scene.name: _scene(scene, track, draws[scene.name]) for scene, track in zip(scenes, tracks, strict=True)
         }
     }
     if len(tracks) > 1:
-        draws[POOLED] = Bootstrap.of(tracks, resamples)
+        draws[POOLED] = Bootstrap.of(tracks)
         results["pooled"] = _curves(tracks, draws[POOLED])
     groups = {name: strategy.group for scene in scenes for name, strategy in scene.strategies.items()}
     claims = claims_of(draws, groups)

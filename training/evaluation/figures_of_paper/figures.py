@@ -36,7 +36,7 @@ def figure_files(figure: str) -> dict[str, FileKind]:
 def make_split(octree: Path, network: Weights, out: Path) -> Steps[list[Path]]:
     """Draw the figure of the shuttle from its octree file; returns its files."""
     coded = yield from coded_octree(octree, network)
-    camera = yield from hardest_end(coded.octree, (SPLIT_PX, SPLIT_PX), lookahead=network.lookahead)
+    camera = yield from hardest_end(coded.octree, (SPLIT_PX, SPLIT_PX), network.lookahead)
     view = yield from split_view(coded, camera)
     paths = draw_split(view, out, SPLIT, _title(SCENES[SPLIT]))
     return [*paths, _write(SPLIT, octree_hash(coded.octree), {SPLIT: network}, view.values(), out)]

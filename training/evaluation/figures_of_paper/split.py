@@ -16,7 +16,6 @@ from matplotlib.patches import Rectangle
 from ....patchnet_addon.codes.coded_octree import CodedOctree
 from ....patchnet_addon.image.tone import gray
 from ....patchnet_addon.octree.octree import Octree
-from ....patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.ranking import Ranking, rank
@@ -45,16 +44,14 @@ _INCHES = 11.0
 _WIDE = 0.5  # of it for the stripes, the rest for crops
 
 
-def hardest_end(
-    octree: Octree, size_px: tuple[int, int], *, lookahead: int = DEFAULT_LOOKAHEAD, seed: int = 0
-) -> Steps[Camera]:
+def hardest_end(octree: Octree, size_px: tuple[int, int], lookahead: int) -> Steps[Camera]:
     """Camera at the end of one of five approaches, as near as 95 % of hits have look-ahead.
 
     The one with the largest squared error of the preview, against 8 x 8 rays per pixel. Raises SceneError if nothing is
     visible.
     """
     yield Progress(0, APPROACHES, _LABEL)
-    approaches = Approaches(Surroundings(octree, size_px, lookahead), np.random.default_rng(seed))
+    approaches = Approaches(Surroundings(octree, size_px, lookahead), np.random.default_rng(0))
     ends = []
     for number in range(1, APPROACHES + 1):
         end = approaches.shot(number, APPROACHES, _FRAMES)[-1]
