@@ -75,7 +75,7 @@ def read_local_mesh(wanted: MeshToRead) -> LocalMesh | None:
 def _slots(mesh: bpy.types.Mesh) -> np.ndarray | None:
     """(T,) int16 slot of each triangle, None if all are the first; many times faster than from the triangles."""
     attribute = mesh.attributes.get("material_index")
-    if attribute is None:
+    if attribute is None or (attribute.data_type, attribute.domain) != ("INT", "FACE"):  # Blender takes no others
         return None
     faces = values_of(mesh.loop_triangle_polygons, "value", 1, np.int32)
     return values_of(attribute.data, "value", 1, np.int32).astype(np.int16)[faces]

@@ -165,7 +165,8 @@ def read_strands(item: bpy.types.Object, names: frozenset[str]) -> Strands | Non
     lengths = np.diff(first)
     radii = _attribute(data, "radius", lengths)
     kinds = data.attributes.get("curve_type")
-    polylines = kinds is not None and kinds.data[0].value == _POLYLINE  # Cycles uses the type of the first strand
+    # Cycles uses the type of the first strand; in Blender 5.3, attributes of this name may have other types.
+    polylines = kinds is not None and kinds.data_type == "INT8" and kinds.data[0].value == _POLYLINE
     return _checked(
         Strands(
             item.name,

@@ -177,6 +177,13 @@ def test_attributes_reach_the_corners() -> None:
     assert set(np.unique(wet)) == {np.float32(0.25), np.float32(0.75)} and not np.ptp(wet, axis=1).any()
 
 
+def test_an_attribute_with_the_name_of_another_one() -> None:
+    """A colour where Blender 5.3 has types of strands; 4.5 makes no such attribute."""
+    curves(2).data.attributes.new("curve_type", "FLOAT_COLOR", "POINT")
+    (part,) = read().parts
+    assert len(part.mesh)
+
+
 def test_grease_pencil_and_volumes_are_named() -> None:
     bpy.ops.object.grease_pencil_add(type="MONKEY")
     bpy.context.object.name = "Sketch"
