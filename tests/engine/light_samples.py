@@ -12,7 +12,7 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import Fragments, Shading, ShadingFn, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import ShadingFn, TriangleMesh
 from patchnet.patchnet_addon.surface.sides import faces_of
 from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 
@@ -20,6 +20,7 @@ from .mesh_samples import even, in_batches
 
 NO_EYES = np.empty((0, 4))
 FLAT_GRID = Grid((0.0, 0.0, 0.0), 1.0, 6)
+THINNED = even(1.0, np.resize([1.0, 0.5, 0.003, 0.0], 60))  # shade of `random_surface`, in part below the least opacity
 
 
 def random_surface(seed: int, cuts: tuple[int, ...] = (17, 40)) -> tuple[TriangleMesh, Sheets]:
@@ -41,12 +42,6 @@ def sheets_on(corners: np.ndarray, sheet: np.ndarray, lit: np.ndarray | int) -> 
 def random_layout(seed: int) -> LeafLevels:
     """Leaves of several levels: some cells are coarse for some leaves and fine for others."""
     return LeafLevels(np.random.default_rng(seed).integers(3, 6, 64).astype(np.uint8))
-
-
-def thinned(batch: TriangleBatch, fragments: Fragments) -> Shading:
-    """Shade whose opacity differs from triangle to triangle, in part below the least."""
-    number = batch.first_triangle + fragments.triangle
-    return Shading(np.ones(len(number), np.float32), np.array([1.0, 0.5, 0.003, 0.0], np.float32)[number % 4])
 
 
 def partly_seen(clipped: ClippedSurface, shade: ShadingFn, seed: int) -> SeenCells:
@@ -76,12 +71,6 @@ def surfels_of(
     shade, clipped = shade or even(), ClippedSurface(source, grid, **settings)
     seen = all_cells(drain(leaf_keys_of(clipped, shade)))
     return drain(choose_surfels(clipped, shade, sheets, seen, eyes))
-
-
-def square(height: float, low: float = 0.1, high: float = 0.9) -> np.ndarray:
-    """Two triangles (2, 3, 3) of a square that faces up."""
-    a, b, c, d = ((x, y, height) for x, y in ((low, low), (high, low), (high, high), (low, high)))
-    return np.array([(a, b, c), (a, c, d)], np.float64)
 
 
 def plain_surface(surfels: np.ndarray, places: np.ndarray, base: float = 1.0) -> SurfelSurface:

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles of boxes, batches and pieces of triangles, a shade of one luminance, and the voxelizer's sums of leaves."""
+"""Triangles of boxes and squares, their batches and pieces, shades, octrees, and the voxelizer's sums of leaves."""
 
 import numpy as np
 
 from patchnet.patchnet_addon.octree.accumulate import LeafSums, SurfaceSums
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import PLAIN_LEAVES, ClippedSurface, clip_batch, voxelize
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments, Shading, TriangleBatch
@@ -20,6 +22,12 @@ def box(low, high, inwards=False):
     return np.array([corners[[quad[0], *pair]] for quad in quads for pair in (quad[1:3], quad[2:4])])
 
 
+def square(height, low=0.1, high=0.9):
+    """Two triangles (2, 3, 3) of a square that faces up."""
+    a, b, c, d = ((x, y, height) for x, y in ((low, low), (high, low), (high, high), (low, high)))
+    return np.array([(a, b, c), (a, c, d)], float)
+
+
 def pieces_of(batch, grid):
     """Pieces of a batch of triangles in the cells of a grid."""
     areas, _ = triangle_areas_and_normals(batch.corners_world)
@@ -29,13 +37,21 @@ def pieces_of(batch, grid):
     return Fragments(*joined, corners_voxel=parts[0].corners_voxel)
 
 
-def even(luminance=0.5):
-    """Shade of one luminance, opaque."""
+def even(luminance=0.5, opacity=1.0):
+    """Shade of one luminance and opacity for all triangles, or of those of each (T,)."""
 
-    def shade(_batch, fragments):
-        return Shading(np.full(len(fragments), luminance, np.float32), np.ones(len(fragments), np.float32))
+    def shade(batch, fragments):
+        number = batch.first_triangle + fragments.triangle
+        values = (np.asarray(of, np.float32) for of in (luminance, opacity))
+        return Shading(*(of[number] if of.ndim else np.full(len(number), of) for of in values))
 
     return shade
+
+
+def octree_of(source, shade, grid, **settings):
+    """Octree of a surface in a grid, or, where `grid` is a depth, in one around it; settings of `build_octree`."""
+    grid = Grid.around(source.bounds_world, grid) if isinstance(grid, int) else grid
+    return drain(build_octree(source, grid, shade, **settings))
 
 
 def all_leaves(leaves, _block_level):

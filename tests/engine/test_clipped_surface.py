@@ -9,7 +9,7 @@ import pytest
 from patchnet.patchnet_addon.light.sheets import Sheets
 from patchnet.patchnet_addon.lod.fit import leaf_keys_of
 from patchnet.patchnet_addon.octree import voxelize as voxelizer
-from patchnet.patchnet_addon.octree.build import build_clipped, build_octree
+from patchnet.patchnet_addon.octree.build import build_clipped
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.octree import Octree
@@ -19,7 +19,7 @@ from patchnet.patchnet_addon.surface.mesh import Fragments, Shading, TriangleBat
 from patchnet.tests.references.clip import parts_of
 
 from .light_samples import random_layout, random_surface
-from .mesh_samples import even
+from .mesh_samples import even, octree_of
 
 GRID = Grid((0.0, 0.0, 0.0), 1.0, 5)
 KEPT, IN_PASSES, CUT_AGAIN = {}, {"block_fragments": 500}, {"block_fragments": 500, "keep_bytes": 0}
@@ -62,7 +62,7 @@ def test_octrees_have_the_same_bits(
     def shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
         return even()(batch, fragments)._replace(lit=sheets.of(batch).lit)
 
-    expected = drain(build_octree(source, GRID, shade, layout=layout, exposure=1.0, detail=detail))
+    expected = octree_of(source, shade, GRID, layout=layout, exposure=1.0, detail=detail)
     clipped = ClippedSurface(source, GRID, layout, **settings)
     assert (len(clipped.passes) > 1) == (settings is not KEPT)
     keys = drain(leaf_keys_of(clipped, even()))

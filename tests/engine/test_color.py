@@ -5,18 +5,16 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
-from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import octree_arrays
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.chroma import BLUE, GREEN, RED, decoded_colors
 from patchnet.patchnet_addon.surface.chroma_kernels import encode_chroma
 from patchnet.patchnet_addon.surface.mesh import Fragments, Shading, TriangleBatch, TriangleMesh
 from patchnet.tests.references.small import encoded_chroma_reference
 
-from .mesh_samples import in_batches
+from .mesh_samples import in_batches, octree_of
 
 WEIGHTS = np.array([RED, GREEN, BLUE])
 GRID = Grid((-1.5, -1.5, -1.5), 3.0, 6)
@@ -48,12 +46,12 @@ def color_shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
 
 @pytest.fixture(scope="module")
 def gray() -> Octree:
-    return drain(build_octree(soup(np.arange(150), []), GRID, gray_shade, exposure=1.5))
+    return octree_of(soup(np.arange(150), []), gray_shade, GRID, exposure=1.5)
 
 
 @pytest.fixture(scope="module")
 def octree() -> Octree:
-    return drain(build_octree(soup(np.arange(150), []), GRID, color_shade, exposure=1.5))
+    return octree_of(soup(np.arange(150), []), color_shade, GRID, exposure=1.5)
 
 
 def test_chroma_keeps_luminance_and_hue() -> None:
@@ -120,7 +118,7 @@ def test_leaves_hold_means_over_their_surface(bits: int) -> None:
 @pytest.mark.parametrize("levels", [(6,), (4, 6)], ids=["uniform", "fitted"])
 def test_inner_nodes_hold_area_weighted_means(levels: tuple[int, ...]) -> None:
     layout = LeafLevels(np.resize(np.array(levels, np.uint8), 8))
-    octree = drain(build_octree(soup(np.arange(150), []), GRID, color_shade, layout=layout, exposure=1.5))
+    octree = octree_of(soup(np.arange(150), []), color_shade, GRID, layout=layout, exposure=1.5)
     colors = octree.color_float(slice(None)).astype(np.float64)
     area = octree.area_world.astype(np.float64)
     for node in np.flatnonzero(octree.child_mask):

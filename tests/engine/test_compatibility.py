@@ -19,7 +19,6 @@ from patchnet.patchnet_addon.codes.predict import predict
 from patchnet.patchnet_addon.network.encoders import MLP
 from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.network.weights import Weights, load_weights, save_weights
-from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import LeafDetail
@@ -28,6 +27,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits, seen_color
 
+from .mesh_samples import octree_of
 from .test_color import color_shade, soup
 
 DATA = Path(__file__).parents[1] / "data"
@@ -49,7 +49,7 @@ def write(folder: Path) -> None:
     """Write an octree with all that one may have, untrained weights, codes, and what is seen of them."""
     folder.mkdir(parents=True)
     mesh, grid = soup(np.arange(150), []), Grid((-1.5, -1.5, -1.5), 3.0, 5)
-    octree = drain(build_octree(mesh, grid, color_shade, exposure=4.0, detail=LeafDetail(boxes=True, sides=True)))
+    octree = octree_of(mesh, color_shade, grid, exposure=4.0, detail=LeafDetail(boxes=True, sides=True))
     weights = Weights.random(0, bias=0.1, lookahead=1, kind=MIXTURE.of_width(12), encoder=MLP.of_width(64))
     coded = drain(encode_octree(octree, weights))
     save_octree(octree, folder / "octree.safetensors")

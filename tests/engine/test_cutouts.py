@@ -17,7 +17,7 @@ from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.tests.references.clip import piece_reference
 from patchnet.tests.references.footprint import bilinear_reference, footprint_reference
 
-from .mesh_samples import leaves_of
+from .mesh_samples import in_batches, leaves_of
 
 UPRIGHT = np.array([(0.03, 0.05, 0.11), (0.9, 0.0, 0.0), (0.0, 0.87, 0.0)])  # origin and two edges
 TILTED = np.array([(0.15, 0.08, 0.07), (0.7, 0.2, 0.3), (-0.1, 0.6, 0.55)])
@@ -70,7 +70,7 @@ class Quad:
         st = np.array(triangles)
         corners = self.place[0] + st @ self.place[1:]
         uvs = (st * self.tiles).astype(np.float32)
-        return TriangleMesh((TriangleBatch(corners, uvs, np.zeros(len(st), np.int32), 0),), (material,))
+        return TriangleMesh(in_batches(corners, (), uvs), (material,))
 
     @property
     def grid(self) -> Grid:

@@ -7,15 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.empty_view import BLACK_SURFACE, BLACK_VIEWS, why_unseen
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.tests.engine.mesh_samples import box, even
+from patchnet.tests.engine.mesh_samples import box, even, octree_of
 
 SIZE = (24, 16)
 
@@ -23,8 +20,7 @@ SIZE = (24, 16)
 def cube(tone: float = 0.5, **provenance: object) -> Octree:
     """A cube of side 2 around the origin, of one luminance."""
     mesh = TriangleMesh.from_arrays(box((-1, -1, -1), (1, 1, 1)))
-    grid = Grid.around(mesh.bounds_world, 5)
-    return drain(build_octree(mesh, grid, even(tone), exposure=1.0, provenance=dict(provenance)))
+    return octree_of(mesh, even(tone), 5, exposure=1.0, provenance=provenance)
 
 
 def look(position=(0.0, -6.0, 0.0), target=(0.0, 0.0, 0.0), **others) -> Camera:

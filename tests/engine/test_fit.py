@@ -7,17 +7,16 @@ import pytest
 from patchnet.patchnet_addon.lod.fit import fit_leaf_levels, needed_levels
 from patchnet.patchnet_addon.lod.fitted_levels import BLOCK_LEVEL
 from patchnet.patchnet_addon.lod.stops import FINE_OFFSETS, bands_of
-from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import Material, Shading, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, opacity_shade
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.references.first_hits import needed_levels_reference
 
-from .mesh_samples import even
+from .mesh_samples import even, in_batches, octree_of
 from .octree_samples import random_octree
 
 
@@ -47,7 +46,7 @@ def fitted(mesh, camera):
 
 @pytest.fixture(scope="module")
 def octree(mesh, fitted):
-    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), even(), layout=fitted.layout))
+    return octree_of(mesh, even(), 12, layout=fitted.layout)
 
 
 def share_of(octree, camera):
@@ -116,7 +115,7 @@ def test_a_short_shot_of_a_long_track_is_fitted(mesh):
     shares = []
     for track in ([away] * 81, [*[away] * 41, *[shot] * 8, *[away] * 32]):
         layout = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), track, even())).layout
-        octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), even(), layout=layout))
+        octree = octree_of(mesh, even(), 12, layout=layout)
         shares.append((share_of(octree, shot), share_of(octree, away)))
     assert shares[0][0] < 0.1 and min(*shares[1], shares[0][1]) > 0.97
 
@@ -125,7 +124,7 @@ def test_all_pixels_have_look_ahead_with_far_fewer_leaves(mesh, camera, fitted, 
     assert share_of(octree, camera) > 0.99 and fitted.lookahead_share == 1.0
     assert octree.depth == fitted.layout.deepest == fitted.wanted
     assert octree.leaf_count == pytest.approx(fitted.leaves, rel=0.05)
-    uniform = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 10), even()))
+    uniform = octree_of(mesh, even(), 10)
     assert share_of(uniform, camera) < 0.9 and octree.leaf_count < uniform.leaf_count
 
 
@@ -133,7 +132,7 @@ def test_fewer_leaves_where_memory_is_short(mesh, camera, fitted):
     grid = Grid.around(mesh.bounds_world, 9)
     less = drain(fit_leaf_levels(mesh, grid, [camera], even(), max_leaves=0.6 * fitted.leaves))
     assert less.leaves < 0.7 * fitted.leaves
-    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), even(), layout=less.layout))
+    octree = octree_of(mesh, even(), 12, layout=less.layout)
     assert 0.3 < share_of(octree, camera) < 0.99
     assert less.lookahead_share == pytest.approx(share_of(octree, camera)) and octree.leaf_count == less.leaves
     bounded = drain(fit_leaf_levels(mesh, grid, [camera], even(), deepest=9))
@@ -143,7 +142,7 @@ def test_fewer_leaves_where_memory_is_short(mesh, camera, fitted):
 def test_a_track_serves_all_its_cameras(mesh, camera):
     other = Camera.look_at(np.array([-0.8, 0.5, 0.5]), np.array([0.8, 0.8, 0.0]), size_px=(96, 64))
     fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera, other], even()))
-    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), even(), layout=fitted.layout))
+    octree = octree_of(mesh, even(), 12, layout=fitted.layout)
     assert min(share_of(octree, view) for view in (camera, other)) > 0.99
 
 
@@ -165,11 +164,8 @@ def test_the_estimate_is_about_the_fitted_octree(mesh, camera, fitted):
 
 
 def test_transparent_surfaces_are_refused(mesh, camera):
-    def nothing(batch, fragments):
-        return Shading(np.zeros(len(fragments), np.float32), np.zeros(len(fragments), np.float32))
-
     with pytest.raises(GeometryError, match="transparent"):
-        drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], nothing))
+        drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], even(0.0, 0.0)))
 
 
 def test_cut_outs_leave_no_coarse_leaves_in_the_picture(camera):
@@ -179,9 +175,8 @@ def test_cut_outs_leave_no_coarse_leaves_in_the_picture(camera):
     leaves = Material("leaves", alpha_texture=Texture("alpha", alpha), alpha_threshold=0.5)
     quads = np.array([*quad((-1, 0.9, 0), (2, 0, 0), (0, 0, 1)), *quad((-0.6, 0.1, 0), (1.2, 0.1, 0), (0, 0.05, 0.6))])
     uvs = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]] * 2, np.float32)
-    batch = TriangleBatch(quads, uvs, np.array([0, 0, 1, 1], np.int32), 0)
-    source = TriangleMesh((batch,), (Material("wall"), leaves))
+    batches = in_batches(quads, (), uvs, np.array([0, 0, 1, 1], np.int32))
+    source = TriangleMesh(batches, (Material("wall"), leaves))
     fitted = drain(fit_leaf_levels(source, Grid.around(source.bounds_world, 9), [camera], opacity_shade(source)))
-    grid = Grid.around(source.bounds_world, 12)
-    octree = drain(build_octree(source, grid, albedo_shade(source), layout=fitted.layout))
+    octree = octree_of(source, albedo_shade(source), 12, layout=fitted.layout)
     assert fitted.layout.deepest > BLOCK_LEVEL + 1 and share_of(octree, camera) > 0.998

@@ -6,16 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.chroma import REC709
 from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Shading, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 
+from .mesh_samples import even, octree_of
 from .test_color import GRID, soup
 
 BRIGHTEST = 8.0
@@ -28,10 +27,7 @@ def mesh(materials: tuple[Material, ...] = (Material("default"),)) -> TriangleMe
     return TriangleMesh((replace(batch, materials=kinds),), materials)
 
 
-def shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
-    """A tone of each triangle from 0 to BRIGHTEST, most of them below 1."""
-    tones = BRIGHTEST * np.random.default_rng(1).random(150) ** 4
-    return Shading(tones[fragments.triangle].astype(np.float32), np.ones(len(fragments), np.float32))
+shade = even(BRIGHTEST * np.random.default_rng(1).random(150) ** 4)  # from 0 to BRIGHTEST, most below 1
 
 
 def color_shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
@@ -46,9 +42,7 @@ def octrees(colored: bool = False, mixed: bool = False) -> tuple[Octree, Octree]
         levels = np.random.default_rng(3).choice([4, 6], 8**3).astype(np.uint8)
         layout = LeafLevels(levels)
     how = color_shade if colored else shade
-    one, other = (
-        drain(build_octree(mesh(), GRID, how, layout=layout, exposure=value)) for value in (1.0, 1.0 / BRIGHTEST)
-    )
+    one, other = (octree_of(mesh(), how, GRID, layout=layout, exposure=value) for value in (1.0, 1.0 / BRIGHTEST))
     assert other.bright_nodes is None and one.bright_nodes is not None
     return one, other
 
@@ -83,10 +77,8 @@ def test_refined_pixels_have_it_and_their_luminance_has_not() -> None:
         assert (found.colors[:, 0] > 1.5).any() and plain.colors.max() <= 1.0
 
 
-def lamp_shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
-    """The first material from 0.1 to 0.5, the second 50."""
-    tones = np.where(np.arange(150) % 7 == 0, 50.0, 0.1 + 0.4 * np.random.default_rng(1).random(150))
-    return Shading(tones[fragments.triangle].astype(np.float32), np.ones(len(fragments), np.float32))
+# The first material from 0.1 to 0.5, the second 50.
+lamp_shade = even(np.where(np.arange(150) % 7 == 0, 50.0, 0.1 + 0.4 * np.random.default_rng(1).random(150)))
 
 
 @pytest.mark.parametrize(
@@ -95,13 +87,13 @@ def lamp_shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
 def test_emitters_take_no_part_in_the_exposure(emission: float, exposure: tuple[float, float]) -> None:
     """Of what shines by itself for the most part; what is merely lit so brightly does count."""
     lamp = Material("Lamp", emission=(emission,) * 3)
-    octree = drain(build_octree(mesh((Material("Wall"), lamp)), GRID, lamp_shade))
+    octree = octree_of(mesh((Material("Wall"), lamp)), lamp_shade, GRID)
     assert exposure[0] <= octree.exposure <= exposure[1]
-    again = drain(build_octree(mesh((Material("Wall"), lamp)), GRID, lamp_shade, block_fragments=500))
+    again = octree_of(mesh((Material("Wall"), lamp)), lamp_shade, GRID, block_fragments=500)
     assert again.exposure == octree.exposure
 
 
 def test_a_scene_of_emitters_alone_is_exposed_by_them() -> None:
     lamp = Material("Lamp", emission=(50.0,) * 3)
-    octree = drain(build_octree(mesh((lamp,)), GRID, lamp_shade))
+    octree = octree_of(mesh((lamp,)), lamp_shade, GRID)
     assert octree.exposure == pytest.approx(0.02)

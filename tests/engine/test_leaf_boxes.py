@@ -10,11 +10,9 @@ from hypothesis import example, given, settings
 from patchnet.patchnet_addon.cells.leaf_boxes import STEPS, unpacked
 from patchnet.patchnet_addon.cells.morton import morton_decode
 from patchnet.patchnet_addon.octree.blocks import all_cells
-from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.clip import clip_triangles
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import LeafDetail
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
@@ -24,7 +22,7 @@ from patchnet.tests.references.clip import piece_reference
 from patchnet.tests.references.lookups import box_bounds
 from patchnet.tests.references.small import boxes_reference
 
-from .mesh_samples import box
+from .mesh_samples import box, octree_of
 from .octree_samples import random_octree, with_boxes
 from .test_tiles import assert_patch_rays, cameras
 from .test_voxelize import position_shade, soup, triangle
@@ -46,9 +44,8 @@ def test_boxes_of_the_clip_are_around_each_piece(corners):
         if len(points) == 0 or piece_area < 1e-12:  # touched in a point or a line: rounding decides how much is where
             continue
         expected = boxes_reference(points - cell).astype(int)
-        assert (np.abs((found & 15) - (expected & 15)) <= 1).all() and (
-            np.abs((found >> 4) - (expected >> 4)) <= 1
-        ).all()
+        for ends, wanted_ends in ((found & 15, expected & 15), (found >> 4, expected >> 4)):
+            assert (np.abs(ends - wanted_ends) <= 1).all()
         low, high = box_bounds(found)
         assert (low <= points.min(axis=0) - cell + 1e-6).all() and (high >= points.max(axis=0) - cell - 1e-6).all()
 
@@ -57,7 +54,7 @@ def test_boxes_of_leaves_are_around_all_their_pieces():
     corners = soup(40, seed=3)
     mesh = TriangleMesh.from_arrays(corners)
     grid = Grid.around(mesh.bounds_world, 5)
-    octree = drain(build_octree(mesh, grid, position_shade, detail=LeafDetail(boxes=True), block_fragments=500))
+    octree = octree_of(mesh, position_shade, grid, detail=LeafDetail(boxes=True), block_fragments=500)
     voxels = grid.to_unit(corners) * 32
     leaves = octree.cells(5)
     low, high = np.full((len(leaves), 3), np.inf), np.full((len(leaves), 3), -np.inf)
@@ -66,14 +63,12 @@ def test_boxes_of_leaves_are_around_all_their_pieces():
         for leaf in np.flatnonzero(near):
             if piece := piece_reference(one, tuple(leaves[leaf])):
                 points = np.array([point for point, _ in piece]) - leaves[leaf]
-                low[leaf], high[leaf] = (
-                    np.minimum(low[leaf], points.min(axis=0)),
-                    np.maximum(high[leaf], points.max(axis=0)),
-                )
+                np.minimum(low[leaf], points.min(axis=0), out=low[leaf])
+                np.maximum(high[leaf], points.max(axis=0), out=high[leaf])
     expected = np.array([boxes_reference(np.array(pair)) for pair in zip(low, high, strict=True)])
     assert octree.leaf_box.shape == expected.shape
     assert (octree.leaf_box == expected).mean() > 0.999
-    plain = drain(build_octree(mesh, grid, position_shade))
+    plain = octree_of(mesh, position_shade, grid)
     assert plain.leaf_box is None and octree.nbytes == plain.nbytes + 3 * len(leaves)
 
 
@@ -92,11 +87,8 @@ def test_hits_are_those_of_the_reference(adaptive):
 def test_a_thin_bar_is_as_wide_as_it_is(boxes):
     """A bar of 0.6 voxels across, from voxel to voxel, covers that share of the view, and two voxels without a box."""
     mesh = TriangleMesh.from_arrays(box((-0.3, 0.1, -4.0), (0.3, 0.4, 4.0)))
-    octree = drain(
-        build_octree(
-            mesh, Grid((-8.0, -8.0, -8.0), 16.0, 4), position_shade, exposure=1.0, detail=LeafDetail(boxes=boxes)
-        )
-    )
+    grid, detail = Grid((-8.0, -8.0, -8.0), 16.0, 4), LeafDetail(boxes=boxes)
+    octree = octree_of(mesh, position_shade, grid, exposure=1.0, detail=detail)
     axes = np.array([1.0, 0, 0]), np.array([0, 0, 1.0]), np.array([0, 1.0, 0])
     camera = Camera(np.array([0.0, -20.0, 0.0]), *axes, 4.0, 2.0, 8, 4, kind=ORTHOGRAPHIC)
     coverage = supersample_pixels(octree, camera, np.arange(32), 32).coverage.reshape(4, 8)

@@ -7,23 +7,19 @@ import pytest
 from patchnet.patchnet_addon.cells.morton import morton_decode
 from patchnet.patchnet_addon.octree import blocks
 from patchnet.patchnet_addon.octree import voxelize as voxelizer
-from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.runtime.errors import GeometryError
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 
-from .mesh_samples import leaves_of
+from .mesh_samples import even, leaves_of, octree_of
 from .octree_samples import octree_from_leaves
 
 BLOCK_LEVEL = 2
 
 
-def shade(batch, fragments):
-    tone = (np.arange(batch.first_triangle, batch.first_triangle + len(batch)) * 0.37 % 1.0).astype(np.float32)
-    return Shading(tone[fragments.triangle], np.ones(len(fragments), np.float32))
+shade = even(np.arange(154) * 0.37 % 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +59,7 @@ def test_octree_equals_one_that_is_built_node_by_node(mesh, layout, depth, mixed
         ):
             luminance, *normal = (value / area for value in moments)
             leaves[part.level, tuple(cell)] = (area, min(1.5 * luminance, 1.0), tuple(normal))
-    octree = drain(build_octree(mesh, grid, shade, layout=layout, exposure=1.5))
+    octree = octree_of(mesh, shade, grid, layout=layout, exposure=1.5)
     expected = octree_from_leaves(leaves, depth)
     for name in ("level_start", "child_mask"):
         np.testing.assert_array_equal(getattr(octree, name), getattr(expected, name), err_msg=name)
@@ -76,7 +72,7 @@ def test_octree_equals_one_that_is_built_node_by_node(mesh, layout, depth, mixed
 
 def test_levels_below_the_deepest_leaf_are_left_out_and_the_file_is_consistent(mesh, layout, tmp_path):
     shallow = LeafLevels(np.minimum(layout.levels, np.uint8(6)))
-    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=shallow))
+    octree = octree_of(mesh, shade, 12, layout=shallow)
     assert octree.depth == 6 and octree.grid.side_world == Grid.around(mesh.bounds_world, 6).side_world
     save_octree(octree, tmp_path / "o.safetensors")
     assert load_octree(tmp_path / "o.safetensors").depth == 6
@@ -84,7 +80,7 @@ def test_levels_below_the_deepest_leaf_are_left_out_and_the_file_is_consistent(m
 
 def test_nothing_is_left_where_no_leaves_are_wanted(mesh):
     with pytest.raises(GeometryError, match="No opaque surface"):
-        drain(build_octree(mesh, Grid.around(mesh.bounds_world, 4), shade, layout=LeafLevels(np.zeros(8, np.uint8))))
+        octree_of(mesh, shade, 4, layout=LeafLevels(np.zeros(8, np.uint8)))
 
 
 @pytest.mark.parametrize(("cores", "block_fragments"), [(1, 1 << 20), (1, 3000), (2, 1 << 20), (5, 1 << 20)])

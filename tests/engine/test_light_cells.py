@@ -32,8 +32,8 @@ from patchnet.patchnet_addon.surface.textures import LEAST_BASE, TextureTable
 from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.tests.references.surfels import Spot, all_neighbours, key_of, light_cells_reference
 
-from .light_samples import FLAT_GRID, NO_EYES, plain_surface, random_surface, sheets_on, square, sums_of, surfels_of
-from .mesh_samples import even, in_batches
+from .light_samples import FLAT_GRID, NO_EYES, plain_surface, random_surface, sheets_on, sums_of, surfels_of
+from .mesh_samples import even, in_batches, square
 from .test_hashing import find_rows
 
 UP = 4  # face of a square that faces up

@@ -12,7 +12,6 @@ from patchnet.patchnet_addon.lod.depth import expected_share
 from patchnet.patchnet_addon.lod.fit import fit_leaf_levels, lookahead_share, needed_levels
 from patchnet.patchnet_addon.lod.stops import FINE_OFFSETS
 from patchnet.patchnet_addon.network.weights import Weights, load_weights, network
-from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileError
 from patchnet.patchnet_addon.runtime.files import write_arrays
@@ -23,7 +22,7 @@ from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.supersample import behind_patches
-from patchnet.tests.engine.mesh_samples import even
+from patchnet.tests.engine.mesh_samples import even, octree_of, square
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree, with_boxes
 from patchnet.tests.references.codes import corner_blocks_reference
 from patchnet.tests.references.first_hits import needed_levels_reference
@@ -125,13 +124,13 @@ def test_contract(octree, camera, lookahead):
 
 @pytest.mark.parametrize("lookahead", [1, 3])
 def test_depths_give_the_look_ahead_that_was_asked_for(lookahead):
-    square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float64)
-    tent = square * [0.5, 0.5, 1] + [0, 0, 0.3] * np.array([[0], [0], [1], [1]])
-    mesh = TriangleMesh.from_arrays(np.stack([*square[[[0, 1, 2], [0, 2, 3]]], *tent[[[0, 1, 2], [0, 2, 3]]]]))
+    slope = square(0, -0.5, 0.5)
+    slope[..., 2] = 0.3 * (slope[..., 1] > 0)
+    mesh = TriangleMesh.from_arrays(np.concatenate([square(0, -1, 1), slope]))
     camera = Camera.look_at(np.array([1.0, -1.8, 1.2]), np.zeros(3), size_px=(96, 64))
 
     fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], even(), lookahead=lookahead))
-    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), even(), layout=fitted.layout))
+    octree = octree_of(mesh, even(), 12, layout=fitted.layout)
     hits = first_hits(octree, camera)
     assert octree.look_ahead(lookahead)[hits.node[hits.hit]].mean() > 0.99 and fitted.lookahead_share == 1.0
 

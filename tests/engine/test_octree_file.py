@@ -9,13 +9,14 @@ import pytest
 
 from patchnet.patchnet_addon.lod import memory as lod
 from patchnet.patchnet_addon.lod.depth import coarse_octree
-from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.errors import MemoryEstimateError, OctreeFileError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
+
+from .mesh_samples import octree_of
 
 DEPTH = 3
 OPTIONAL = ("chroma", "bright_nodes", "bright_colors", "leaf_box")
@@ -47,18 +48,14 @@ def color_shade(batch, fragments):
 
 @pytest.fixture(scope="module")
 def plain(mesh):
-    return drain(
-        build_octree(mesh, Grid.around(mesh.bounds_world, DEPTH), shade, exposure=0.5, provenance={"scene": "s"})
-    )
+    return octree_of(mesh, shade, DEPTH, exposure=0.5, provenance={"scene": "s"})
 
 
 @pytest.fixture(scope="module")
 def octree(mesh):
     """It has all that there may be: colour, light above white, boxes of leaves."""
-    grid = Grid.around(mesh.bounds_world, DEPTH)
-    return drain(
-        build_octree(mesh, grid, color_shade, exposure=1.0, provenance={"scene": "s"}, detail=LeafDetail(boxes=True))
-    )
+    detail = LeafDetail(boxes=True)
+    return octree_of(mesh, color_shade, DEPTH, exposure=1.0, provenance={"scene": "s"}, detail=detail)
 
 
 @pytest.mark.parametrize("name", ["plain", "octree"])
@@ -119,7 +116,7 @@ def test_depth_is_bounded_by_memory(mesh):
 
 def test_estimate_is_near_the_truth(mesh):
     coarse = drain(coarse_octree(mesh))
-    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 9), shade))
+    octree = octree_of(mesh, shade, 9)
     leaves = lod.expected_leaves(coarse, 9)
     assert leaves == pytest.approx(octree.leaf_count, rel=0.25)
     assert lod.stored_bytes(leaves) == pytest.approx(octree.nbytes, rel=0.25)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.octree import collect_pieces
-from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
@@ -17,7 +16,7 @@ from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import Material, Shading, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
 from patchnet.patchnet_addon.surface.texture_lookup import BaseColors
 from patchnet.patchnet_addon.surface.textures import TextureTable
@@ -28,6 +27,7 @@ from patchnet.patchnet_addon.tracing.supersample import behind_patches, supersam
 from patchnet.tests.references.first_hits import pixel_rays
 from patchnet.tests.references.triangle_hits import nearest_triangles, unpacked_light
 
+from .mesh_samples import even, in_batches, octree_of, square
 from .octree_samples import random_octree
 
 SIZE = 40, 28
@@ -42,10 +42,9 @@ def soup(count: int = 50, seed: int = 0) -> np.ndarray:
 
 def quad(height: float, low: float = 0.1, high: float = 0.9) -> TriangleMesh:
     """A square that faces up, with UV coordinates from 0 to 1."""
-    corners = np.array([(low, low), (high, low), (high, high), (low, high)])
-    places = np.concatenate([corners, np.full((4, 1), height)], axis=1)[[[0, 1, 2], [0, 2, 3]]]
-    uvs = ((places[..., :2] - low) / (high - low)).astype(np.float32)
-    return TriangleMesh((TriangleBatch(places, uvs, np.zeros(2, np.int32), 0),), (WHITE,))
+    corners = square(height, low, high)
+    uvs = ((corners[..., :2] - low) / (high - low)).astype(np.float32)
+    return TriangleMesh(in_batches(corners, (), uvs), (WHITE,))
 
 
 def painted(mesh: TriangleMesh, *materials: Material) -> TriangleMesh:
@@ -59,7 +58,7 @@ def base_of(mesh: TriangleMesh, *, color: bool = False) -> BaseColors:
 def exact(mesh: TriangleMesh, shade=None, *, color: bool = False, boxes: bool = True, **settings):
     detail = LeafDetail(boxes=boxes, base=base_of(mesh, color=color))
     shade = shade or albedo_shade(mesh, color=color)
-    return drain(build_octree(mesh, settings.pop("grid", GRID), shade, exposure=1.0, detail=detail, **settings))
+    return octree_of(mesh, shade, settings.pop("grid", GRID), exposure=1.0, detail=detail, **settings)
 
 
 def above(size=SIZE, **settings) -> Camera:
@@ -134,7 +133,7 @@ def test_rays_behind_patches_end_on_the_nearest_triangle_from_there():
 def test_rays_that_end_on_boxes_are_as_without_pieces():
     mesh = TriangleMesh.from_arrays(soup(), (WHITE,))
     shade, camera = two_lights_shade(mesh), above()
-    plain = drain(build_octree(mesh, GRID, shade, exposure=1.0, detail=LeafDetail(boxes=True)))
+    plain = octree_of(mesh, shade, GRID, exposure=1.0, detail=LeafDetail(boxes=True))
     octree = exact(mesh, shade)
     for own, other in zip(seen(octree.without_pieces(), camera, 2), seen(plain, camera, 2), strict=True):
         np.testing.assert_array_equal(own, other)
@@ -146,10 +145,8 @@ def two_sides(lit):
     """Shade of light 0.25 in front, 0.75 behind."""
 
     def shade(batch, fragments):
-        count = len(fragments)
-        lights = np.repeat(np.array([[[0.25], [0.75]]], np.float32), count, axis=0)
-        luminance, opacity = np.full(count, 0.25, np.float32), np.ones(count, np.float32)
-        return Shading(luminance, opacity, sides=lights, lit=np.full(len(batch), lit, np.int8))
+        lights = np.repeat(np.array([[[0.25], [0.75]]], np.float32), len(fragments), axis=0)
+        return even(0.25)(batch, fragments)._replace(sides=lights, lit=np.full(len(batch), lit, np.int8))
 
     return shade
 
@@ -228,7 +225,7 @@ def test_partial_opacity_is_the_share_of_rays():
 
 def test_light_above_white_is_added_to_colours_alone():
     mesh = quad(0.5)
-    octree = exact(mesh, lambda _batch, f: Shading(np.full(len(f), 3.0, np.float32), np.ones(len(f), np.float32)))
+    octree = exact(mesh, even(3.0))
     means = seen(octree, flat(above(), 0.2))
     np.testing.assert_allclose(means.luminance, 1.0, rtol=1e-4)
     np.testing.assert_allclose(means.colors, 3.0, rtol=5e-3)

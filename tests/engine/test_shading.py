@@ -13,20 +13,19 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
 from patchnet.patchnet_addon.surface.textures import cut_coverage
-from patchnet.tests.engine.mesh_samples import pieces_of
 from patchnet.tests.references.footprint import bilinear_reference
 
-from .mesh_samples import leaves_of
+from .mesh_samples import in_batches, leaves_of, pieces_of, square
 
 WHITE = (1.0, 1.0, 1.0)
 REC709 = np.array([0.2126, 0.7152, 0.0722])
-SQUARE = np.array([[(0, 0, 0), (1, 0, 0), (1, 1, 0)], [(0, 0, 0), (1, 1, 0), (0, 1, 0)]], float)
+SQUARE = square(0.0, 0.0, 1.0)
 
 
-def square(material: Material, tiles: float = 1.0) -> TriangleMesh:
+def painted(material: Material, tiles: float = 1.0) -> TriangleMesh:
     """The unit square in the plane z = 0, its texture repeated `tiles` times along each axis."""
     uvs = (SQUARE[..., :2] * tiles).astype(np.float32)
-    return TriangleMesh((TriangleBatch(SQUARE, uvs, np.zeros(2, np.int32), 0),), (material,))
+    return TriangleMesh(in_batches(SQUARE, (), uvs), (material,))
 
 
 def pieces(mesh: TriangleMesh, depth: int) -> tuple[TriangleBatch, Fragments]:
@@ -47,7 +46,7 @@ def test_small_fragments_read_the_finest_texels(wrap: str, transform: tuple | No
     rng = np.random.default_rng(0)
     pixels = rng.random((5, 7, 3)).astype(np.float32)
     material = Material("M", (0.5, 1.0, 0.25), Texture("T", pixels, wrap, transform))
-    mesh = square(material, tiles=2.5)
+    mesh = painted(material, tiles=2.5)
     batch, fragments = pieces(mesh, 5)
     fragments = replace(fragments, area_world=fragments.area_world * 1e-6)
     values, opacity, *_ = albedo_shade(mesh)(batch, fragments)
@@ -64,8 +63,8 @@ def test_alpha_fractions_and_cut_alpha() -> None:
     alpha = np.kron(rng.random((32, 32, 1)), np.ones((8, 8, 1))).astype(np.float32)
     color = np.where(alpha >= 0.5, 0.9, 0.1).astype(np.float32).repeat(3, axis=2)  # what is cut away is dark
     area = float((alpha >= 0.5).mean())
-    soft = square(Material("Soft", WHITE, Texture("C", color), alpha_texture=Texture("A", alpha)))
-    hard = square(Material("Hard", WHITE, Texture("C", color), alpha_texture=Texture("A", alpha), alpha_threshold=0.5))
+    soft = painted(Material("Soft", WHITE, Texture("C", color), alpha_texture=Texture("A", alpha)))
+    hard = painted(Material("Hard", WHITE, Texture("C", color), alpha_texture=Texture("A", alpha), alpha_threshold=0.5))
     for depth in (0 + 1, 3, 5, 9):
         batch, fragments = pieces(soft, depth)
         weight = fragments.area_world
@@ -80,11 +79,11 @@ def test_alpha_fractions_and_cut_alpha() -> None:
 def test_constant_alpha_scales_a_texture_and_thresholds_are_of_the_product() -> None:
     alpha = np.linspace(0, 1, 64, dtype=np.float32).reshape(1, 64, 1).repeat(64, axis=0)
     texture = Texture("A", alpha, "EXTEND")
-    faint = square(Material("Faint", alpha=0.5, alpha_texture=texture))
+    faint = painted(Material("Faint", alpha=0.5, alpha_texture=texture))
     batch, fragments = pieces(faint, 4)
     _, opacity, *_ = albedo_shade(faint)(batch, fragments)
     assert np.average(opacity, weights=fragments.area_world) == pytest.approx(0.25, abs=0.01)
-    cut = square(Material("Cut", alpha=0.5, alpha_texture=texture, alpha_threshold=0.4))
+    cut = painted(Material("Cut", alpha=0.5, alpha_texture=texture, alpha_threshold=0.4))
     _, opacity, *_ = albedo_shade(cut)(batch, fragments)
     assert np.average(opacity, weights=fragments.area_world) == pytest.approx(0.2, abs=0.01)
 
@@ -104,11 +103,11 @@ def test_colour_and_opacity_laid_out_differently() -> None:
     base = Texture("C", rng.random((16, 24, 3)).astype(np.float32), "REPEAT", ((4.0, 0.0, 0.1), (0.0, 4.0, 0.0)))
     alpha = Texture("A", rng.random((8, 8, 1)).astype(np.float32), "EXTEND")
     for threshold in (None, 0.5):
-        both = square(Material("Both", WHITE, base, alpha_texture=alpha, alpha_threshold=threshold))
+        both = painted(Material("Both", WHITE, base, alpha_texture=alpha, alpha_threshold=threshold))
         batch, fragments = pieces(both, 4)
         values, opacity, *_ = albedo_shade(both)(batch, fragments)
-        color, *_ = albedo_shade(square(Material("Colour", WHITE, base)))(batch, fragments)
-        cut = square(Material("Opacity", alpha_texture=alpha, alpha_threshold=threshold))
+        color, *_ = albedo_shade(painted(Material("Colour", WHITE, base)))(batch, fragments)
+        cut = painted(Material("Opacity", alpha_texture=alpha, alpha_threshold=threshold))
         np.testing.assert_array_equal(values, color)
         np.testing.assert_array_equal(opacity, albedo_shade(cut)(batch, fragments).opacity)
         assert 0.3 < opacity.mean() < 0.7
@@ -151,7 +150,7 @@ def looked_up(uvs: np.ndarray, wrap: str, threshold: float | None, transform: tu
     base = Texture("base", np.repeat(RASTER, 3, axis=-1), wrap, transform)
     alpha = Texture("alpha", RASTER, wrap, transform)
     material = Material("m", (1.0, 1.0, 1.0), base_texture=base, alpha_texture=alpha, alpha_threshold=threshold)
-    mesh = TriangleMesh((TriangleBatch(CORNERS, uvs.astype(np.float32)[None], np.zeros(1, np.int32), 0),), (material,))
+    mesh = TriangleMesh(in_batches(CORNERS, (), uvs.astype(np.float32)[None]), (material,))
     leaves = leaves_of(mesh, Grid((0.0, 0.0, 0.0), 1.0, 4), albedo_shade(mesh))
     return tuple(float(sum(getattr(part.sums, name).sum() for part in leaves)) for name in ("area", "light"))
 

@@ -11,7 +11,6 @@ from patchnet.patchnet_addon.directional import level_sides
 from patchnet.patchnet_addon.directional.leaf_sides import LeafSides
 from patchnet.patchnet_addon.directional.level_sides import Level, LevelNodes, _Faces, _faces
 from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
-from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import LeafDetail
@@ -25,25 +24,25 @@ from patchnet.patchnet_addon.tracing.render import first_hits, seen_above_white,
 from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_pixels
 from patchnet.tests.references.sides import composed_reference, leaf_reference, seen_reference
 
+from .mesh_samples import even, octree_of, square
 from .test_color import GRID, color_shade, gray_shade, soup
 
-DOWN, UP = -1.0, 1.0
+DOWN, UP = -1, 1
+WITH_SIDES = LeafDetail(sides=True)
 
 
-def quad(z: float, half: float, pointing: float) -> np.ndarray:
+def quad(z: float, half: float, pointing: int) -> np.ndarray:
     """Two triangles (2, 3, 3) of a square across z whose normal points up or down."""
-    a, b, c, d = [[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]]
-    return np.array([[a, b, c], [a, c, d]] if pointing > 0 else [[a, c, b], [a, d, c]])
+    return square(z, -half, half)[:, ::pointing]
 
 
-def plate(layers: list[tuple[float, float, float, float]], lit: int = LIT_FRONT) -> tuple[TriangleMesh, object]:
+def plate(layers: list[tuple[float, float, int, float]], lit: int = LIT_FRONT) -> tuple[TriangleMesh, object]:
     """Squares of (z, half side, UP or DOWN, luminance), and their shade."""
     mesh = TriangleMesh.from_arrays(np.concatenate([quad(*layer[:3]) for layer in layers]))
-    tones = np.repeat(np.array([layer[3] for layer in layers], np.float32), 2)
+    plain = even(np.repeat([layer[3] for layer in layers], 2))
 
     def shade(batch, fragments):
-        opacity = np.ones(len(fragments), np.float32)
-        return Shading(tones[fragments.triangle], opacity, lit=np.full(len(batch), lit, np.int8))
+        return plain(batch, fragments)._replace(lit=np.full(len(batch), lit, np.int8))
 
     return mesh, shade
 
@@ -78,12 +77,10 @@ def test_a_white_cloth_hides_the_black_table_from_above_alone(depth, pixels):
     """A cloth 7 mm above a table of 2 m, at every level that has both in one voxel; leaves keep 5 % of the table."""
     layers = [(0.507, 1.0, UP, 1.0), (0.5, 1.0, UP, 0.0), (0.46, 1.0, DOWN, 0.1)]
     mesh, shade = plate(layers)
-    octree = drain(
-        build_octree(mesh, Grid((-1.3, -1.3, -1.3), 2.6, depth), shade, exposure=1.0, detail=LeafDetail(sides=True))
-    )
+    octree = octree_of(mesh, shade, Grid((-1.3, -1.3, -1.3), 2.6, depth), exposure=1.0, detail=WITH_SIDES)
     np.testing.assert_allclose(seen_along_z(octree, DOWN, pixels), 1.0, atol=0.03 if depth == 10 else 0.06)
     np.testing.assert_allclose(seen_along_z(octree, UP, pixels), 0.1, atol=0.02)
-    one = drain(build_octree(mesh, Grid((-1.3, -1.3, -1.3), 2.6, 10), shade, exposure=1.0))
+    one = octree_of(mesh, shade, Grid((-1.3, -1.3, -1.3), 2.6, 10), exposure=1.0)
     if pixels < 64:
         assert seen_along_z(one, DOWN, pixels).mean() < 0.7, "one mean lets the table shine through"
 
@@ -117,7 +114,7 @@ def test_a_plate_that_is_lit_on_its_back_shows_that_there():
     """Normals that point inwards: what is baked on the back of a triangle is seen from there, not through it."""
     mesh, shade = plate([(0.1, 1.0, DOWN, 0.8), (0.09, 1.0, UP, 0.2)], LIT_BACK)
     grid = Grid((-1.0, -1.0, -1.0), 2.0, 4)
-    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True)))
+    octree = octree_of(mesh, shade, grid, exposure=1.0, detail=WITH_SIDES)
     for looking, light in ((DOWN, 0.8), (UP, 0.2)):
         np.testing.assert_allclose(seen_along_z(octree, looking, 16), light, atol=0.01)
 
@@ -130,7 +127,7 @@ def test_a_tilted_sheet_shows_each_side_in_its_own_light(tilt, pixels):
     corners[..., 2] += tilt * corners[..., 0]
     mesh = TriangleMesh.from_arrays(corners)
     grid, shade = Grid((-1.3, -1.3, -1.3), 2.6, 7), lit_by_side([[0.9, 0.2]] * 2)
-    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True)))
+    octree = octree_of(mesh, shade, grid, exposure=1.0, detail=WITH_SIDES)
     for looking, light in ((DOWN, 0.9), (UP, 0.2)):
         np.testing.assert_allclose(seen_along_z(octree, looking, pixels), light, atol=0.015)
 
@@ -147,7 +144,7 @@ def test_the_dark_inside_of_a_thin_open_box_is_hidden_but_for_who_looks_into_it(
             walls.append(corners[[[0, 1, 2], [0, 2, 3]]])
     mesh = TriangleMesh.from_arrays(np.concatenate(walls))
     grid, shade = Grid((-1.3, -1.3, -1.3), 2.6, 6), lit_by_side([[0.8, 0.0]] * 10)
-    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True)))
+    octree = octree_of(mesh, shade, grid, exposure=1.0, detail=WITH_SIDES)
     for way in ((0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0.7, 0.1, -0.7), (-0.2, 0.9, -0.3), (0, 0, 1)):
         forward = np.array(way) / np.linalg.norm(way)
         right = np.cross(forward, [0.31, 0.2, 0.93])
@@ -166,7 +163,7 @@ def test_a_sheet_has_its_sides_before_the_underside_of_the_ground_below_it(monke
     corners[:2, :, 2] += 0.4 * corners[:2, :, 0]
     shade = lit_by_side([[0.9, 0.2]] * 2 + [[0.5, 0.3]] * 2)
     mesh, grid = TriangleMesh.from_arrays(corners), Grid((-1.3, -1.3, -1.3), 2.6, 8)
-    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True)))
+    octree = octree_of(mesh, shade, grid, exposure=1.0, detail=WITH_SIDES)
     camera = replace(along_z(UP, 128), position_world=np.array([0.0, 0.0, -0.2]))
     np.testing.assert_allclose(first_hits(octree, camera).luminance, 0.3, atol=0.01)
     assert len(octree.side_nodes) < 0.19 * octree.node_count
@@ -174,9 +171,7 @@ def test_a_sheet_has_its_sides_before_the_underside_of_the_ground_below_it(monke
 
 def test_light_above_white_belongs_to_the_bright_side():
     mesh, shade = plate([(0.1, 1.0, UP, 5.0), (0.09, 1.0, DOWN, 0.1)])
-    octree = drain(
-        build_octree(mesh, Grid((-1.0, -1.0, -1.0), 2.0, 4), shade, exposure=1.0, detail=LeafDetail(sides=True))
-    )
+    octree = octree_of(mesh, shade, Grid((-1.0, -1.0, -1.0), 2.0, 4), exposure=1.0, detail=WITH_SIDES)
     for looking, least, most in ((DOWN, 2.0, 5.0), (UP, 0.1, 0.3)):
         camera = along_z(looking, 8)
         light = supersample_pixels(octree, camera, np.arange(camera.pixel_count), 2).colors
@@ -189,9 +184,7 @@ def test_light_above_white_belongs_to_the_bright_side():
 @pytest.fixture(scope="module", params=["gray", "colour"])
 def octree(request):
     shade = gray_shade if request.param == "gray" else color_shade
-    return drain(
-        build_octree(soup(np.arange(150), []), GRID, shade, exposure=1.5, detail=LeafDetail(boxes=True, sides=True))
-    )
+    return octree_of(soup(np.arange(150), []), shade, GRID, exposure=1.5, detail=LeafDetail(boxes=True, sides=True))
 
 
 def test_nodes_show_what_the_plain_twin_says(octree):
@@ -222,10 +215,8 @@ def test_pictures_are_means_of_what_nodes_show(octree):
 def test_batches_and_passes_change_no_bits(octree, cuts, block_fragments):
     shade = gray_shade if octree.chroma is None else color_shade
     mesh = soup(np.arange(150), cuts)
-    steps = build_octree(
-        mesh, GRID, shade, exposure=1.5, detail=LeafDetail(boxes=True, sides=True), block_fragments=block_fragments
-    )
-    found = drain(steps)
+    detail = LeafDetail(boxes=True, sides=True)
+    found = octree_of(mesh, shade, GRID, exposure=1.5, detail=detail, block_fragments=block_fragments)
     for name, values in octree_arrays(octree).items():
         np.testing.assert_array_equal(octree_arrays(found)[name], values, err_msg=name)
 

@@ -45,17 +45,8 @@ from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.tests.references.clip import parts_of
 from patchnet.tests.references.surfels import Cell, Place, face_reference, key_of, lookup_reference
 
-from .light_samples import (
-    FLAT_GRID,
-    NO_EYES,
-    partly_seen,
-    random_layout,
-    random_surface,
-    sheets_on,
-    square,
-    sums_of,
-)
-from .mesh_samples import box, even
+from .light_samples import FLAT_GRID, NO_EYES, partly_seen, random_layout, random_surface, sheets_on, sums_of
+from .mesh_samples import box, even, square
 
 GRID = Grid((0.0, 0.0, 0.0), 1.0, 5)
 MATERIALS = (Material("pink", (0.8, 0.4, 0.5)), Material("black", (0.0, 0.0, 0.0)), Material("lamp", (0.3, 0.3, 0.3)))

@@ -21,7 +21,7 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import limit_threads
-from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.surface.sides import BACK, FRONT
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.tests.references.clip import parts_of
@@ -30,15 +30,14 @@ from patchnet.tests.references.surfels import face_reference, surfels_reference
 from .light_samples import (
     FLAT_GRID,
     NO_EYES,
+    THINNED,
     partly_seen,
     random_layout,
     random_surface,
     sheets_on,
-    square,
     surfels_of,
-    thinned,
 )
-from .mesh_samples import box, even
+from .mesh_samples import box, even, square
 
 GRID = Grid((0.0, 0.0, 0.0), 1.0, 5)
 EYES = np.array([(0.5, 0.4, 0.45, 1.0), (2.0, -1.0, 0.7, 1.0), (0.6, 0.0, 0.8, 0.0)])
@@ -51,9 +50,9 @@ def test_as_a_loop_over_all_fragments(seed: int, eyes: np.ndarray, is_color: boo
     """The same winners; areas are rounded up to their units."""
     source, sheets = random_surface(seed)
     clipped = ClippedSurface(source, GRID, random_layout(seed))
-    seen = partly_seen(clipped, thinned, seed)
-    surfels = drain(choose_surfels(clipped, thinned, sheets, seen, eyes, is_color=is_color))
-    expected = surfels_reference(clipped, thinned, sheets, seen, eyes, is_color)
+    seen = partly_seen(clipped, THINNED, seed)
+    surfels = drain(choose_surfels(clipped, THINNED, sheets, seen, eyes, is_color=is_color))
+    expected = surfels_reference(clipped, THINNED, sheets, seen, eyes, is_color)
     rows = sorted(expected.items(), key=lambda row: (*row[0][:2], row[1].rank, row[1].id))
     assert len(surfels) == len(rows) > 150 and (surfels["pixels"] > 0.0).mean() > 0.2
     for name, column in {"cell": 0, "face": 1, "sheet": 2}.items():
@@ -82,15 +81,15 @@ def test_places_are_those_of_the_fragments() -> None:
 def test_the_choice_does_not_depend_on_the_division_of_the_work(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     cuts = {"one batch": (), "many batches": tuple(range(3, 60, 3))}.get(way, (17, 40))
     (first, sheets), (source, _) = random_surface(2), random_surface(2, cuts)
-    seen = partly_seen(ClippedSurface(first, GRID), thinned, 2)
-    expected = drain(choose_surfels(ClippedSurface(first, GRID), thinned, sheets, seen, EYES))
+    seen = partly_seen(ClippedSurface(first, GRID), THINNED, 2)
+    expected = drain(choose_surfels(ClippedSurface(first, GRID), THINNED, sheets, seen, EYES))
     if way == "cores":
         monkeypatch.setattr(voxelizer, "usable_cores", lambda: 3)
         monkeypatch.setattr(blocks, "MIN_SHARE", 10)
     clipped = ClippedSurface(source, GRID, block_fragments=500 if way == "passes" else 1 << 24)
     assert (len(clipped.passes) > 5) == (way == "passes") and (len(clipped.passes[0]) == 3) == (way == "cores")
     with limit_threads(1 if way == "threads" else None):
-        found = drain(choose_surfels(clipped, thinned, sheets, seen, EYES))
+        found = drain(choose_surfels(clipped, THINNED, sheets, seen, EYES))
     for name in SURFEL.names:
         np.testing.assert_array_equal(found[name], expected[name], name)
 
@@ -211,13 +210,7 @@ def test_chances_are_in_proportion_to_area_times_opacity() -> None:
     small = large * [1.0 / 6.0, 1.0, 2.0] + [0.01 * side, 0.0, 0.0]
     corners = np.concatenate([low + small, low + large])
     source = TriangleMesh.from_arrays(corners)
-
-    def shade(_batch: object, fragments: object) -> Shading:
-        return Shading(
-            np.ones(len(fragments), np.float32), np.where(fragments.triangle < 900, 1.0, 0.5).astype(np.float32)
-        )
-
-    surfels = surfels_of(source, sheets_on(corners, np.zeros(1800), 1), shade)
+    surfels = surfels_of(source, sheets_on(corners, np.zeros(1800), 1), even(1.0, np.repeat([1.0, 0.5], 900)))
     fine = surfels[surfels["pixels"] > 0.0]
     assert len(fine) == 900
     # Four standard deviations of 900 draws; the seed is the hash.
@@ -255,8 +248,4 @@ def test_a_surface_of_gaps_has_no_surfels() -> None:
     source, sheets = random_surface(0)
     clipped = ClippedSurface(source, GRID)
     seen = all_cells(drain(leaf_keys_of(clipped, even())))
-
-    def gaps(_batch: object, fragments: object) -> Shading:
-        return Shading(np.ones(len(fragments), np.float32), np.zeros(len(fragments), np.float32))
-
-    assert len(drain(choose_surfels(clipped, gaps, sheets, seen, NO_EYES))) == 0
+    assert len(drain(choose_surfels(clipped, even(1.0, 0.0), sheets, seen, NO_EYES))) == 0

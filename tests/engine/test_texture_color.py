@@ -11,7 +11,7 @@ from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Texture, T
 from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
 from patchnet.patchnet_addon.surface.texture_lookup import color_of_fragments
 from patchnet.patchnet_addon.surface.textures import REC709, TextureTable
-from patchnet.tests.engine.mesh_samples import pieces_of
+from patchnet.tests.engine.mesh_samples import in_batches, pieces_of
 from patchnet.tests.references.texture_color import colors_reference
 
 WHITE = (1.0, 1.0, 1.0)
@@ -40,7 +40,7 @@ def mesh() -> TriangleMesh:
     corners = rng.random((140, 1, 3)) + rng.normal(size=(140, 3, 3)) * rng.uniform(0.02, 0.3, (140, 1, 1))
     uvs = rng.uniform(-1, 2, (140, 3, 2)).astype(np.float32)
     ids = (np.arange(140) % len(materials())).astype(np.int32)
-    return TriangleMesh((TriangleBatch(corners, uvs, ids, 0),), materials())
+    return TriangleMesh(in_batches(corners, (), uvs, ids), materials())
 
 
 @pytest.fixture(scope="module", params=[3, 6])
@@ -81,9 +81,7 @@ def test_large_fragments_show_the_mean_colour() -> None:
     board[..., 2] = 1.0 - board[..., 0]
     corners = np.array([[(0, 0, 0), (1, 0, 0), (1, 1, 0)]], float)
     uvs = corners[..., :2].astype(np.float32)
-    mesh = TriangleMesh(
-        (TriangleBatch(corners, uvs, np.zeros(1, np.int32), 0),), (Material("M", WHITE, Texture("T", board)),)
-    )
+    mesh = TriangleMesh(in_batches(corners, (), uvs), (Material("M", WHITE, Texture("T", board)),))
     whole = Fragments(
         np.zeros(1, np.uint64), np.zeros(1, np.int32), np.full((1, 2), 1 / 3, np.float32), np.array([0.5])
     )

@@ -6,14 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.ray_up import ray_up
 from patchnet.patchnet_addon.tracing.render import first_hits, seen_color
 from patchnet.patchnet_addon.tracing.supersample import behind_patches, supersample
+from patchnet.tests.engine.mesh_samples import even, octree_of, square
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.references.first_hits import supersampled_reference
 from patchnet.tests.references.small import ray_up_reference
@@ -73,17 +72,8 @@ def test_colour_of_pictures(octree):
 
 
 def test_behind_sees_the_second_of_two_sheets():
-    def sheet(z):
-        return [[[-1, -1, z], [1, -1, z], [1, 1, z]], [[-1, -1, z], [1, 1, z], [-1, 1, z]]]
-
-    mesh = TriangleMesh.from_arrays(np.array(sheet(0.5) + sheet(-0.5), float))
-
-    def tones(batch, fragments):
-        return Shading(
-            np.where(fragments.triangle < 2, 0.9, 0.2).astype(np.float32), np.ones(len(fragments), np.float32)
-        )
-
-    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 7), tones, exposure=1.0))
+    mesh = TriangleMesh.from_arrays(np.concatenate([square(0.5, -1, 1), square(-0.5, -1, 1)]))
+    octree = octree_of(mesh, even(np.repeat([0.9, 0.2], 2)), 7, exposure=1.0)
     camera = Camera.look_at(np.array([0.001, 0.002, 4.0]), np.zeros(3), up_world=(0, 1, 0), size_px=(8, 8))
     hits = first_hits(octree, camera)
     np.testing.assert_allclose(hits.luminance[hits.hit], 0.9, atol=1e-4)

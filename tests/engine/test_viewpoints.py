@@ -6,22 +6,19 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import limit_threads
-from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.viewpoints import encloses, free_positions, viewpoints
-from patchnet.tests.engine.mesh_samples import box, even
+from patchnet.tests.engine.mesh_samples import box, even, octree_of, square
 
 
-def octree_of(triangles: np.ndarray, depth: int = 7, luminance: float = 0.5) -> Octree:
-    mesh = TriangleMesh.from_arrays(triangles)
-    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, depth), even(luminance), exposure=1.0))
+def triangle_octree(triangles: np.ndarray, depth: int = 7, luminance: float | np.ndarray = 0.5) -> Octree:
+    return octree_of(TriangleMesh.from_arrays(triangles), even(luminance), depth, exposure=1.0)
 
 
 @pytest.fixture(autouse=True)
@@ -35,7 +32,7 @@ def one_thread() -> Iterator[None]:
 def house() -> Octree:
     """A room of 6 x 4 x 3 in walls of 0.5, and a pillar in it."""
     shell = box((-0.5, -0.5, -0.5), (6.5, 4.5, 3.5))
-    return octree_of(
+    return triangle_octree(
         np.concatenate([shell, box((0, 0, 0), (6, 4, 3), inwards=True), box((2.8, 1.8, 0), (3.2, 2.2, 3))])
     )
 
@@ -43,15 +40,17 @@ def house() -> Octree:
 def test_rooms_enclose_their_free_space_and_objects_do_not(house: Octree) -> None:
     roofless = box((0, 0, 0), (6, 4, 3), inwards=True)[:-2]
     solid, garden = box((0, 0, 0), (1, 1, 1)), box((-6, -6, -0.2), (6, 6, 0))
-    assert encloses(house) and encloses(octree_of(box((0, 0, 0), (6, 4, 3), inwards=True)))
-    assert not encloses(octree_of(solid)) and not encloses(octree_of(np.concatenate([garden, solid * [1, 1, 3]])))
-    assert not encloses(octree_of(np.concatenate([garden, roofless * 0.3]))), "a court in a garden"
+    assert encloses(house) and encloses(triangle_octree(box((0, 0, 0), (6, 4, 3), inwards=True)))
+    assert not encloses(triangle_octree(solid)) and not encloses(
+        triangle_octree(np.concatenate([garden, solid * [1, 1, 3]]))
+    )
+    assert not encloses(triangle_octree(np.concatenate([garden, roofless * 0.3]))), "a court in a garden"
 
 
 def test_without_light_cameras_stand_in_a_room_with_a_window() -> None:
     """Not in the hollow wall beside it, which is larger, and sees itself all around, too."""
     rooms = [box((0, 0, 0), (6, 4, 3), inwards=True)[:-2], box((6.3, -6, 0), (8.2, 14, 3), inwards=True)]
-    octree = octree_of(np.concatenate(rooms), luminance=0.0)
+    octree = triangle_octree(np.concatenate(rooms), luminance=0.0)
     cameras = drain(viewpoints(octree, 3, (32, 24), lit=False))
     assert len(cameras) == 3 and all(0 < camera.position_world[0] < 6 for camera in cameras)
     assert any(position[0] > 6.3 for position in free_positions(octree))
@@ -84,7 +83,7 @@ def test_placing_is_deterministic_and_varied(house: Octree) -> None:
 def test_what_cannot_be_placed_is_said(house: Octree) -> None:
     with pytest.raises(SettingError, match="cameras"):
         drain(viewpoints(house, 0, (32, 24)))
-    black = octree_of(box((0, 0, 0), (6, 4, 3), inwards=True), luminance=0.0)
+    black = triangle_octree(box((0, 0, 0), (6, 4, 3), inwards=True), luminance=0.0)
     with pytest.raises(SceneError, match="auto"):
         drain(viewpoints(black, 2, (32, 24)))
 
@@ -93,18 +92,12 @@ def test_hollow_walls_are_no_place_for_a_camera() -> None:
     """Inside a dark shell, coarse voxels shine with the light on its outer side, which is only a voxel away."""
     hollow = np.concatenate([box((0, 0, 0), (4, 4, 4)), box((0.06, 0.06, 0.06), (3.94, 3.94, 3.94), inwards=True)])
     room = box((6, 0, 0), (10, 4, 4), inwards=True)
-    mesh = TriangleMesh.from_arrays(np.concatenate([hollow, room]))
-
-    def shade(batch, fragments):
-        dark = (fragments.triangle >= 12) & (fragments.triangle < 24)
-        return Shading(np.where(dark, 0.0, 0.5).astype(np.float32), np.ones(len(dark), np.float32))
-
-    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 8), shade, exposure=1.0))
+    octree = triangle_octree(np.concatenate([hollow, room]), depth=8, luminance=np.repeat([0.5, 0.0, 0.5], 12))
     cameras = drain(viewpoints(octree, 3, (32, 24)))
     assert cameras and all(camera.position_world[0] > 6 for camera in cameras)
 
 
-PLANE = np.array([[(-2, -2, 0), (2, -2, 0), (2, 2, 0)], [(-2, -2, 0), (2, 2, 0), (-2, 2, 0)]], float)
+PLANE = square(0, -2, 2)
 UPRIGHT = PLANE @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
 CARDS = np.concatenate([PLANE * 0.1 @ turn + place for turn, place in zip(
     np.linalg.qr(np.random.default_rng(0).normal(size=(40, 3, 3)))[0],
@@ -125,7 +118,7 @@ CARDS = np.concatenate([PLANE * 0.1 @ turn + place for turn, place in zip(
     ids=["plane", "upright plane", "cards", "tiny box", "rod", "backs alone", "floor plan"],
 )
 def test_an_object_is_seen_as_a_whole(triangles: np.ndarray, least: float) -> None:
-    octree = octree_of(triangles, luminance=0.0)
+    octree = triangle_octree(triangles, luminance=0.0)
     for camera in drain(viewpoints(octree, 2, (48, 36), lit=False)):
         hit = first_hits(octree, camera).hit.reshape(36, 48)
         assert hit.mean() > least and camera.up[2] > 0.5
@@ -137,7 +130,7 @@ def test_an_object_is_seen_as_a_whole(triangles: np.ndarray, least: float) -> No
 )
 def test_an_empty_room_is_seen_from_inside(size: tuple[float, float, float]) -> None:
     high = np.array([2.0, 2.0, 2.6]) + size
-    octree = octree_of(box((0, 0, 0), high, inwards=True), luminance=0.0)
+    octree = triangle_octree(box((0, 0, 0), high, inwards=True), luminance=0.0)
     (camera,) = drain(viewpoints(octree, 1, (48, 36), lit=False))
     assert (camera.position_world > 0).all() and (camera.position_world < high).all()
     assert first_hits(octree, camera).hit.all()
@@ -158,7 +151,7 @@ def test_furniture_is_preferred_to_bare_walls() -> None:
                 box((x, y - 0.2, 0.45), (x + 0.4, y + 0.2, 0.5)),
                 box((x + 0.2, y, 0), (x + 0.25, y + 0.05, 0.45)),
             ]
-    octree = octree_of(np.concatenate(parts), luminance=0.0)
+    octree = triangle_octree(np.concatenate(parts), luminance=0.0)
     cameras = drain(viewpoints(octree, 3, (48, 36), lit=False))
     assert len(cameras) == 3
     assert min(seen_within(octree, camera, (2.4, 1.4, 0.1), (6.6, 4.6, 0.85)) for camera in cameras) > 0.04
@@ -176,6 +169,6 @@ def ball(radius: float, sides: int = 24) -> np.ndarray:
 def test_a_small_thing_on_wide_ground_is_found(around: list[np.ndarray]) -> None:
     """A closed sky shows its backs to its inside, and is no object."""
     thing = [box((10, -9, 0), (14, -6, 3)), box((11, -8, 3), (13, -7, 5))]
-    octree = octree_of(np.concatenate([PLANE * 15, *thing, *around]), depth=8, luminance=0.0)
+    octree = triangle_octree(np.concatenate([PLANE * 15, *thing, *around]), depth=8, luminance=0.0)
     cameras = drain(viewpoints(octree, 2, (48, 36), lit=False))
     assert max(seen_within(octree, camera, (9.5, -9.5, 0.5), (14.5, -5.5, 5.5)) for camera in cameras) > 0.02

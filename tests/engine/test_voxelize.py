@@ -13,14 +13,12 @@ from hypothesis import strategies as st
 
 from patchnet.patchnet_addon.octree import blocks
 from patchnet.patchnet_addon.octree.blocks import all_cells
-from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.clip import clip_triangles
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.errors import GeometryError
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import RotatedSource, Shading, TriangleMesh, random_rotation
 from patchnet.patchnet_addon.surface.shading import bisected_shade, two_lights_shade
 from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
@@ -28,7 +26,7 @@ from patchnet.tests.references.clip import clip_reference
 from patchnet.tests.references.lookups import node_at
 from patchnet.training.benchmarks.shells import shell_triangles
 
-from .mesh_samples import in_batches, leaves_of
+from .mesh_samples import even, in_batches, leaves_of, octree_of
 
 
 def position_shade(batch, fragments):
@@ -126,21 +124,12 @@ def test_occupied_cells_are_those_of_the_leaves():
 
 
 def test_opacity_cuts_the_surface():
-    mesh = TriangleMesh.from_arrays(
-        np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 0, 1], [0, 1, 1]]], float)
-    )
-
-    def lower_only(batch, fragments):
-        return Shading(np.full(len(fragments), 0.5, np.float32), (fragments.triangle == 0).astype(np.float32))
-
-    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 4), lower_only))
+    corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 0, 1], [0, 1, 1]]], float)
+    mesh = TriangleMesh.from_arrays(corners)
+    octree = octree_of(mesh, even(0.5, [1, 0]), 4)
     assert octree.cells(4)[:, 2].max() == 0
     with pytest.raises(GeometryError, match="transparent"):
-        drain(
-            build_octree(
-                mesh, Grid.around(mesh.bounds_world, 4), lambda b, f: Shading(np.zeros(len(f)), np.zeros(len(f)))
-            )
-        )
+        octree_of(mesh, even(0.0, 0.0), 4)
 
 
 @settings(max_examples=60, deadline=None)
@@ -199,9 +188,9 @@ DEPTH = 6
 def octrees(axis: int, share: float) -> tuple[Octree, Octree]:
     """A sphere of large triangles, cut open and whole."""
     mesh = TriangleMesh.from_arrays(shell_triangles(1.0, rows=6))
-    grid, shade = Grid.around(mesh.bounds_world, DEPTH), two_lights_shade(mesh)
+    shade = two_lights_shade(mesh)
     bisected = bisected_shade(shade, mesh.bounds_world, axis, share)
-    return drain(build_octree(mesh, grid, bisected, exposure=1.0)), drain(build_octree(mesh, grid, shade, exposure=1.0))
+    return octree_of(mesh, bisected, DEPTH, exposure=1.0), octree_of(mesh, shade, DEPTH, exposure=1.0)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

@@ -6,15 +6,12 @@ voxels in which rays stop.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.octree.voxelize import LeafDetail
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import Material, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Material, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import Camera
-from patchnet.tests.engine.mesh_samples import box
+from patchnet.tests.engine.mesh_samples import box, in_batches, octree_of
 
 DEPTH = 9
 _GRAYS = (0.08, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95)
@@ -29,19 +26,10 @@ def yard_octree() -> Octree:
     boxes = [_box((0.5, 0.5, 0.005), (1.0, 1.0, 0.01), 3), *_fences(), *_table(), *_scattered_boxes()]
     corners = np.concatenate([triangles for triangles, _ in boxes])
     materials = np.repeat(np.array([gray for _, gray in boxes], np.int32), len(boxes[0][0]))
-    batch = TriangleBatch(corners, np.zeros((len(corners), 3, 2), np.float32), materials, 0)
-    mesh = TriangleMesh((batch,), tuple(Material(f"gray {gray}", (gray,) * 3) for gray in _GRAYS))
-    grid = Grid.around(mesh.bounds_world, DEPTH)
-    return drain(
-        build_octree(
-            mesh,
-            grid,
-            two_lights_shade(mesh),
-            exposure=1.0,
-            provenance={"scene": "yard"},
-            detail=LeafDetail(boxes=True),
-        )
-    )
+    grays = tuple(Material(f"gray {gray}", (gray,) * 3) for gray in _GRAYS)
+    mesh = TriangleMesh(in_batches(corners, (), materials=materials), grays)
+    made, detail = {"scene": "yard"}, LeafDetail(boxes=True)
+    return octree_of(mesh, two_lights_shade(mesh), DEPTH, exposure=1.0, provenance=made, detail=detail)
 
 
 def yard_cameras() -> list[Camera]:

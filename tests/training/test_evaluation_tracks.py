@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.lod.fit import lookahead_share
-from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.surface.shading import two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.tests.engine.mesh_samples import box
+from patchnet.tests.engine.mesh_samples import box, octree_of
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.evaluation.explorations import MAX_STEP, MAX_TURN
 from patchnet.training.evaluation.poses import Surroundings, step_of, turn_of
@@ -36,7 +34,7 @@ def yard() -> Octree:
         *(box((x, 9, 0), (x + 0.4, 9.4, 3)) for x in (2, 5, 8)),
     ]
     mesh = TriangleMesh.from_arrays(np.concatenate(parts))
-    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, 8), two_lights_shade(mesh)))
+    return octree_of(mesh, two_lights_shade(mesh), 8)
 
 
 @pytest.fixture(scope="module", params=["shells", "yard"])

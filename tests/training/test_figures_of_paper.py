@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.network.weights import Weights, load_weights, save_weights
-from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
-from patchnet.patchnet_addon.surface.mesh import Shading, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.tests.engine.mesh_samples import even, octree_of, square
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.commands import main
 from patchnet.training.evaluation.catalogue import octree_path
@@ -28,29 +28,13 @@ WEIGHTS = Path(__file__).resolve().parents[2] / "patchnet_addon/network/weights/
 LOOKS = [f"patchnet-behind-exact {levels}" for levels in (1, 2, 3)]
 
 
-def square(z_world: float, side_world: float = 0.4) -> np.ndarray:
-    """Two triangles of a level square around the middle of San Miguel's table."""
-    middle = tables.BOX_WORLD.mean(axis=0)
-    corners = [[middle[0] + x * side_world / 2, middle[1] + y * side_world / 2, z_world]
-               for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]  # fmt: skip
-    return np.array([[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]])
-
-
 def small_table():
-    """A bright cloth of 40 cm a centimetre above dark wood."""
-    top = tables.BOX_WORLD[1, 2]
-    mesh = TriangleMesh.from_arrays(np.concatenate([square(top), square(top - 0.01)]))
-
-    def shade(batch, fragments):
-        height = batch.corners_world[fragments.triangle, :, 2].mean(axis=1)
-        luminance = np.where(height > top - 0.005, CLOTH, WOOD).astype(np.float32)
-        return Shading(luminance, np.ones(len(luminance), np.float32))
-
-    bounds = mesh.bounds_world - [
-        [0, 0, 0.066],
-        [0, 0, 0],
-    ]  # so that cells of 2.5 cm hold both, and smaller ones do not
-    return drain(build_octree(mesh, Grid.around(bounds, 8), shade, exposure=1.0, provenance={}))
+    """A bright cloth of 40 cm a centimetre above dark wood, around the middle of San Miguel's table."""
+    x, y, _ = tables.BOX_WORLD.mean(axis=0)
+    squares = np.concatenate([square(0.0, -0.2, 0.2), square(-0.01, -0.2, 0.2)])
+    mesh = TriangleMesh.from_arrays(squares + [x, y, tables.BOX_WORLD[1, 2]])
+    bounds = mesh.bounds_world - [[0, 0, 0.066], [0, 0, 0]]  # cells of 2.5 cm hold both, and smaller ones do not
+    return octree_of(mesh, even(np.repeat([CLOTH, WOOD], 2)), Grid.around(bounds, 8), exposure=1.0)
 
 
 @pytest.fixture(scope="module")
