@@ -11,7 +11,7 @@ from patchnet.patchnet_addon.tracing.chosen import fine_rays
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.supersample import behind_patches
 from patchnet.tests.engine.octree_samples import random_octree, with_boxes
-from patchnet.tests.references.first_hits import hits_of_pixels
+from patchnet.tests.references.first_hits import hits_of_pixels, shown_by
 
 PERSPECTIVE = Camera.look_at(np.array([2.1, 1.4, 1.2]), np.full(3, 0.5), size_px=(45, 30))
 CAMERAS = {
@@ -36,8 +36,9 @@ def test_they_meet_the_same_voxels(name, lookahead, octree):
     rays = fine_rays(octree, camera, lookahead=lookahead)
     double = camera.with_size(2 * camera.width_px, 2 * camera.height_px)
     nodes, _ = hits_of_pixels(octree, double, 2.0**lookahead)
-    large = np.where(nodes >= 0, octree.luminance_float(np.maximum(nodes, 0)), np.float32(0.0))
-    quarters = large.reshape(camera.height_px, 2, camera.width_px, 2).transpose(0, 2, 1, 3).reshape(-1, 4)
+    quarters = (
+        shown_by(octree, nodes).reshape(camera.height_px, 2, camera.width_px, 2).transpose(0, 2, 1, 3).reshape(-1, 4)
+    )
     np.testing.assert_array_equal(rays, quarters)
     assert rays.shape == (camera.pixel_count, 4) and rays.dtype == np.float32
 

@@ -18,7 +18,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree
 from patchnet.tests.references.codes import corners_of
 from patchnet.tests.references.lookups import face_luminances
-from patchnet.tests.references.networks import NumpyEncoder
+from patchnet.tests.references.networks import NumpyEncoder, run_layers
 
 HALF = 2.0**-11  # relative rounding of a half float
 
@@ -38,14 +38,6 @@ def coded(octree, weights):
     return drain(encode_octree(octree, weights))
 
 
-def naive_code(weights, patch):
-    values = patch.reshape(-1).astype(np.float64)
-    for matrix, bias in weights.encoder[:-1]:
-        values = np.maximum(matrix.astype(np.float64) @ values + bias, 0)
-    matrix, bias = weights.encoder[-1]
-    return matrix.astype(np.float64) @ values + bias
-
-
 def test_every_corner_has_the_code_of_its_patch(coded, octree, weights):
     ahead = octree.look_ahead(2)
     for level in range(octree.depth + 1):
@@ -58,7 +50,8 @@ def test_every_corner_has_the_code_of_its_patch(coded, octree, weights):
                 continue
             for octant, corner in enumerate(corners_of(coded.corner_rows, row)):
                 x, y, z = 4 * (cell + [octant & 1, octant >> 1 & 1, octant >> 2])
-                wanted = naive_code(weights, dense[z : z + 8, y : y + 8, x : x + 8])
+                patch = dense[z : z + 8, y : y + 8, x : x + 8].reshape(1, -1).astype(np.float64)
+                (wanted,) = run_layers(weights.encoder, patch)
                 np.testing.assert_allclose(coded.codes[corner], wanted, rtol=HALF, atol=1e-4)
 
 

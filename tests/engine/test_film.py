@@ -23,7 +23,7 @@ from patchnet.patchnet_addon.tracing.pixel_filter import (
 )
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.engine.octree_samples import random_octree
-from patchnet.tests.references.first_hits import first_hits_reference
+from patchnet.tests.references.first_hits import first_hits_reference, shown_by
 
 EYE = Camera.look_at(np.array([1.9, -1.1, 1.4]), np.full(3, 0.5), fov=0.8, size_px=(13, 11))
 FILTERS = [
@@ -56,7 +56,7 @@ def plain_picture(
     x, y = ((along[:, None] + places[:, axis]).ravel() for axis, along in enumerate((column, row)))
     across, up = 2 * x / eye.width_px - 1, 2 * y / eye.height_px - 1
     nodes, _ = first_hits_reference(octree, eye, across, up, 1.0 / footprints)
-    seen = np.stack([np.where(nodes >= 0, octree.luminance_float(np.maximum(nodes, 0)), 0.0), nodes >= 0], axis=1)
+    seen = np.stack([shown_by(octree, nodes), nodes >= 0], axis=1)
     weights = window(*pixel_filter, (column + 0.5)[:, None] - x) * window(*pixel_filter, (row + 0.5)[:, None] - y)
     return weights @ seen / weights.sum(axis=1)[:, None]
 

@@ -24,7 +24,7 @@ from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.supersample import behind_patches, supersample, supersample_pixels
-from patchnet.tests.references.first_hits import pixel_rays
+from patchnet.tests.references.first_hits import picture_points, pixel_rays
 from patchnet.tests.references.triangle_hits import nearest_triangles, unpacked_light
 
 from .mesh_samples import even, in_batches, octree_of, square
@@ -83,9 +83,7 @@ def lights_of(mesh: TriangleMesh) -> np.ndarray:
 
 def reference(mesh: TriangleMesh, octree, camera: Camera, begin: np.ndarray | float = 0.0):
     """Hits of the rays through the pixels' centres, from the lengths `begin` (P,) on."""
-    row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
-    x, y = (2 * column + 1) / camera.width_px - 1, (2 * row + 1) / camera.height_px - 1
-    origin, direction, _ = pixel_rays(octree, camera, x, y)
+    origin, direction, _ = pixel_rays(octree.grid, camera, *picture_points(camera))
     corners = np.concatenate([part.corners_world for part in mesh.parts])
     return nearest_triangles(octree.grid.to_unit(corners), origin + np.expand_dims(begin, -1) * direction, direction)
 
@@ -209,8 +207,7 @@ def test_cut_outs_are_looked_up_where_the_ray_ends():
     octree = exact(TriangleMesh(parts, (WHITE, card)))
     camera = flat(above((120, 120)), 0.3)
     means = seen(octree, camera)
-    row, column = np.divmod(np.arange(120 * 120), 120)
-    radius = np.hypot((2 * column + 1) / 120 - 1, (2 * row + 1) / 120 - 1) * 0.3 / 0.8
+    radius = np.hypot(*picture_points(camera)) * 0.3 / 0.8
     inside, outside = radius < 0.28, radius > 0.32
     np.testing.assert_allclose(means.luminance[inside], 0.2, atol=0.01)
     np.testing.assert_allclose(means.luminance[outside], 1.0, atol=0.01)

@@ -8,7 +8,7 @@ import pytest
 
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.seen_triangles import Sight
-from patchnet.tests.references.seen_triangles import seen_triangles_reference
+from patchnet.tests.references.triangle_hits import seen_triangles_reference
 
 
 def looking(seed: int) -> list[Camera]:

@@ -11,7 +11,7 @@ from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import fine_hits, first_hits, visits_per_ray
 from patchnet.patchnet_addon.tracing.supersample import behind_patches
 from patchnet.tests.engine.octree_samples import random_octree
-from patchnet.tests.references.first_hits import hits_of_pixels
+from patchnet.tests.references.first_hits import hits_of_pixels, shown_by
 from patchnet.training.benchmarks.shells import octree_of_shells
 
 
@@ -92,18 +92,14 @@ def assert_patch_rays(octree: Octree, camera: Camera, lookahead: int) -> None:
     node, t = assert_hits(octree, camera)
     np.testing.assert_array_equal(hits.node, node)
     met, finer = node >= 0, 2.0 ** (lookahead + 1)
-    np.testing.assert_array_equal(fine, np.where(met, seen(octree, hits_of_pixels(octree, camera, finer)[0]), 0.0))
+    np.testing.assert_array_equal(fine, np.where(met, shown_by(octree, hits_of_pixels(octree, camera, finer)[0]), 0.0))
     start = np.where(met, t, 0.0) + 1.5 * 0.5 ** octree.level_of(np.maximum(node, 0))
     np.testing.assert_allclose(hits.patch_end, np.where(met, start, np.inf), rtol=1e-12)
     beyond, _ = hits_of_pixels(octree, camera, finer, start)
     behind = behind_patches(octree, camera, hits, lookahead=lookahead)
-    expected = np.where(met, seen(octree, beyond), np.float32(0.0))
+    expected = np.where(met, shown_by(octree, beyond), np.float32(0.0))
     np.testing.assert_allclose(behind.luminance, expected, rtol=3e-7, err_msg=camera.name)
     np.testing.assert_array_equal(behind.coverage, met & (beyond >= 0), err_msg=camera.name)
-
-
-def seen(octree: Octree, nodes: np.ndarray) -> np.ndarray:
-    return np.where(nodes >= 0, octree.luminance_float(np.maximum(nodes, 0)), np.float32(0.0))
 
 
 def test_visits_per_ray_are_few(shells):

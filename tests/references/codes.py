@@ -25,12 +25,11 @@ from patchnet.patchnet_addon.codes.outer_cells import _COUNT_BITS, _LOWER, _UPPE
 from patchnet.patchnet_addon.codes.prediction import Prediction
 from patchnet.patchnet_addon.codes.ray_frame import CELLS, SIDE, cell_order
 from patchnet.patchnet_addon.network.kinds import CHILDREN, CODE_SIZE, CORNERS, SIDE_BY_SIDE
-from patchnet.patchnet_addon.network.weights import CHANNELS
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from patchnet.patchnet_addon.tracing.hits import Hits
 from patchnet.tests.references.lookups import covered_shares, covering_nodes_reference, face_luminances, ray_frames
-from patchnet.tests.references.networks import MixtureInputs, decode, decode_mixture
+from patchnet.tests.references.networks import MixtureInputs, decode, decode_mixture, joined_blocks
 from patchnet.tests.references.sides import luminance_reference
 
 
@@ -256,11 +255,8 @@ def corner_blocks_reference(
     octree: Octree, level: int, corners: np.ndarray, lookahead: int = DEFAULT_LOOKAHEAD
 ) -> np.ndarray:
     """Patches (C, 2 s, 2 s, 2 s, 5) float32 of corners (C, 3) of a level, order z, y, x, channel (methods 7.9)."""
-    side = 1 << lookahead
     neighbours = corner_neighbours(octree, level, corners)
-    blocks = voxel_blocks(octree, neighbours.reshape(-1), lookahead)
-    eight = blocks.reshape(-1, 2, 2, 2, *blocks.shape[1:])  # (C, octant z, y, x, cell z, y, x, channel)
-    return eight.transpose(0, 1, 4, 2, 5, 3, 6, 7).reshape(-1, *(2 * side,) * 3, CHANNELS)
+    return joined_blocks(voxel_blocks(octree, neighbours.reshape(-1), lookahead), 1 << lookahead)
 
 
 def predict_reference(coded: CodedOctree, hits: Hits) -> Prediction:

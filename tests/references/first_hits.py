@@ -13,17 +13,22 @@ import numpy as np
 
 from patchnet.patchnet_addon.cells.contract import fitting_level_of
 from patchnet.patchnet_addon.cells.morton import morton_encode
+from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from patchnet.patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
 from patchnet.tests.references.lookups import box_bounds, fits_pixel_of
 
 
-def pixel_rays(
-    octree: Octree, camera: Camera, x: np.ndarray, y: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def picture_points(camera: Camera, across: float = 0.5, up: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
+    """Picture points (P,) from -1 to 1 at one place within each pixel, the centre by default."""
+    row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
+    return 2.0 * (column + across) / camera.width_px - 1.0, 2.0 * (row + up) / camera.height_px - 1.0
+
+
+def pixel_rays(grid: Grid, camera: Camera, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Origins (N, 3), unit directions (N, 3) in the cube and axial speeds (N,) through picture points in [-1, 1]."""
-    unit = camera_in_unit_cube(camera, octree.grid)
+    unit = camera_in_unit_cube(camera, grid)
     position, right, up, forward = unit.pose
     offset = (x + unit.shift_x)[:, None] * right + (y + unit.shift_y)[:, None] * up  # (N, 3)
     if not unit.perspective:
@@ -37,9 +42,12 @@ def hits_of_pixels(
     octree: Octree, camera: Camera, finer: float = 1.0, start: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """`first_hits_reference` (P,) through the centres of all pixels; finer: pixel side over that of the footprint."""
-    row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
-    x, y = (2 * column + 1) / camera.width_px - 1, (2 * row + 1) / camera.height_px - 1
-    return first_hits_reference(octree, camera, x, y, 1 / finer, start)
+    return first_hits_reference(octree, camera, *picture_points(camera), 1 / finer, start)
+
+
+def shown_by(octree: Octree, nodes: np.ndarray) -> np.ndarray:
+    """Luminance (N,) float32 of nodes (N,), 0 for -1."""
+    return np.where(nodes >= 0, octree.luminance_float(np.maximum(nodes, 0)), np.float32(0.0))
 
 
 def first_hits_reference(
@@ -54,7 +62,7 @@ def first_hits_reference(
 
     start: (N,) where the rays begin, if not where the camera sees.
     """
-    origin, direction, speed = pixel_rays(octree, camera, x, y)
+    origin, direction, speed = pixel_rays(octree.grid, camera, x, y)
     unit = camera_in_unit_cube(camera, octree.grid)
     side_at_0, side_per_z = unit.side_at_0 * footprint, unit.side_per_z * footprint
     start = unit.nearest / speed if start is None else start
@@ -87,15 +95,11 @@ def first_hits_reference(
 
 def supersampled_reference(octree: Octree, camera: Camera, side: int) -> tuple[np.ndarray, np.ndarray]:
     """Reference of `supersample`: mean luminance (P,) and colours (P, 3) of side x side rays."""
-    row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
     luminance, colors = np.zeros(camera.pixel_count), np.zeros((camera.pixel_count, 3))
-    for j, i in itertools.product(range(side), repeat=2):
-        x = 2 * (column + (i + 0.5) / side) / camera.width_px - 1
-        y = 2 * (row + (j + 0.5) / side) / camera.height_px - 1
-        node, _ = first_hits_reference(octree, camera, x, y, 1 / side)
-        hit, met = node >= 0, np.maximum(node, 0)
-        luminance += np.where(hit, octree.luminance_float(met), 0.0)
-        colors += np.where(hit[:, None], octree.color_float(met), 0.0)
+    for j, i in itertools.product((np.arange(side) + 0.5) / side, repeat=2):
+        node, _ = first_hits_reference(octree, camera, *picture_points(camera, i, j), 1 / side)
+        luminance += shown_by(octree, node)
+        colors += np.where(node[:, None] >= 0, octree.color_float(np.maximum(node, 0)), 0.0)
     return luminance / side**2, colors / side**2
 
 
@@ -134,14 +138,12 @@ def needed_levels_reference(
 
     offsets: (K, 2), of the fine rays from the pixels' centres, in pixels.
     """
-    row, column = (axis.reshape(-1) for axis in np.mgrid[: camera.height_px, : camera.width_px])
     needed = np.zeros(8**block_level, np.uint8)
     for (x, y), finer, margin in [((0.0, 0.0), 0, 1), *((tuple(offset), lookahead, 0) for offset in offsets)]:
-        sx = 2 * (column + 0.5 + x) / camera.width_px - 1
-        sy = 2 * (row + 0.5 + y) / camera.height_px - 1
+        sx, sy = picture_points(camera, 0.5 + x, 0.5 + y)
         node, t = first_hits_reference(octree, camera, sx, sy, 0.5 ** (finer + coarser))
         hit = node >= 0
-        speed = pixel_rays(octree, camera, sx, sy)[2]
+        speed = pixel_rays(octree.grid, camera, sx, sy)[2]
         unit = camera_in_unit_cube(camera, octree.grid)
         pixel = unit.side_at_0 + unit.side_per_z * t[hit] * speed[hit]
         wanted = fitting_level_of(pixel / 2**coarser).astype(int) + lookahead

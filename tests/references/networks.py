@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from patchnet.patchnet_addon.network.harmonics import real_harmonics
 from patchnet.patchnet_addon.network.kinds import CORNERS, COVERING, OUTPUT_LOW, OUTPUT_RANGE, SIDE_BY_SIDE
-from patchnet.patchnet_addon.network.weights import CHANNELS, MODULATED, Weights
+from patchnet.patchnet_addon.network.weights import CHANNELS, MODULATED, Layer, Weights
 
 
 class NumpyEncoder:
@@ -22,11 +23,13 @@ class NumpyEncoder:
 
     def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Encode, see `Encoder`."""
-        eight = blocks[rows].reshape(-1, 2, 2, 2, *[self._side] * 3, CHANNELS)  # octant and cell of z, y, x; channel
-        values = eight.transpose(0, 1, 4, 2, 5, 3, 6, 7).reshape(len(rows), -1)
-        for index, (matrix, bias) in enumerate(self._layers):
-            values = (np.maximum(values, 0) if index else values) @ matrix.T + bias
-        return values
+        return run_layers(self._layers, joined_blocks(blocks[rows], self._side).reshape(len(rows), -1))
+
+
+def joined_blocks(blocks: np.ndarray, side: int) -> np.ndarray:
+    """Patches (C, 2 s, 2 s, 2 s, 5), order z, y, x, channel, of the eight blocks around each of C corners."""
+    eight = blocks.reshape(-1, 2, 2, 2, *(side,) * 3, CHANNELS)  # octant and cell of z, y, x; channel
+    return eight.transpose(0, 1, 4, 2, 5, 3, 6, 7).reshape(-1, *(2 * side,) * 3, CHANNELS)
 
 
 def decode(
@@ -37,7 +40,7 @@ def decode(
     codes: (N, 10) interpolated codes. direction, up: (N, 3) unit vectors in octree axes (methods 7.14). ratio: (N,)
     pixel-voxel ratio. clip: to [0, 1], as at inference; the range in training is [-1, 2].
     """
-    outputs = sigmoid_output(run_decoder(weights, ray_inputs(codes, direction, up, ratio)))
+    outputs = sigmoid_output(run_layers(weights.decoder, ray_inputs(codes, direction, up, ratio)))
     coverage, luminance = (np.clip(outputs, 0, 1) if clip else outputs).T
     return coverage, luminance
 
@@ -50,9 +53,9 @@ def ray_inputs(codes: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: 
     return np.concatenate(inputs, axis=1).astype(np.float32)
 
 
-def run_decoder(weights: Weights, values: np.ndarray) -> np.ndarray:
-    """Last layer's values (N, outputs) float32 for inputs (N, inputs)."""
-    *hidden, (matrix, bias) = weights.decoder
+def run_layers(layers: Sequence[Layer], values: np.ndarray) -> np.ndarray:
+    """Last layer's values (N, outputs) for inputs (N, inputs)."""
+    *hidden, (matrix, bias) = layers
     for weight, offset in hidden:
         values = np.maximum(values @ weight.T + offset, 0)
     return np.asarray(values @ matrix.T + bias)
@@ -87,7 +90,7 @@ def decode_mixture(weights: Weights, given: MixtureInputs) -> tuple[np.ndarray, 
     """Predicted coverage (N,) in [0, 1] and luminance (N,), float32, of N pixels by a mixture."""
     rays = ray_inputs(given.codes, given.direction, given.up, given.ratio)
     corner_codes = given.corner_codes.reshape(len(rays), CORNERS * SIDE_BY_SIDE)
-    outputs = run_decoder(weights, np.concatenate([rays, corner_codes, given.view, given.covered], axis=1))
+    outputs = run_layers(weights.decoder, np.concatenate([rays, corner_codes, given.view, given.covered], axis=1))
     luminance = (mixture_shares(outputs[:, 1:], given.covered) * given.luminances).sum(axis=1)
     return np.clip(sigmoid_output(outputs[:, 0]), 0, 1), luminance
 

@@ -28,7 +28,7 @@ from patchnet.patchnet_addon.surface.mesh import ShadingFn
 from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
 from patchnet.tests.references.clip import parts_of
-from patchnet.tests.references.first_hits import first_hits_reference, pixel_rays
+from patchnet.tests.references.first_hits import first_hits_reference, picture_points, pixel_rays
 
 Place = tuple[int, int, int]  # cell, face, sheet
 _ALL = (1 << 64) - 1
@@ -197,13 +197,12 @@ def _seen_reference(
     found: dict[int, tuple[int, float]] = {}
     width, height = camera.width_px >> coarser, camera.height_px >> coarser
     looks = camera.with_size(width, height)
-    row, column = (axis.ravel() for axis in np.mgrid[:height, :width])
     unit = camera_in_unit_cube(looks, octree.grid)
     share = camera.width_px * camera.height_px / (width * height * len(places))
     for across, up in places:
-        x, y = 2.0 * (column + across) / width - 1.0, 2.0 * (row + up) / height - 1.0
+        x, y = picture_points(looks, across, up)
         node, t = first_hits_reference(octree, looks, x, y, 0.5 ** (lookahead + coarser + seen_module._FINER))
-        speed = pixel_rays(octree, looks, x, y)[2]
+        speed = pixel_rays(octree.grid, looks, x, y)[2]
         for ray in np.flatnonzero(node >= 0):
             level = int(octree.level_of(node[ray : ray + 1])[0])
             key = int(octree.keys(level)[node[ray] - octree.level_start[level]])

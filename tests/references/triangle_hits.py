@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain references of pieces: every ray against every triangle, and packed light."""
+"""Plain references of pieces and of triangles that cameras see: every ray against every triangle; packed light."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.pieces import EXPONENT_BIAS, MANTISSA
+from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.patchnet_addon.tracing.seen_triangles import SeenTriangles
+from patchnet.tests.references.first_hits import picture_points, pixel_rays
 
 
 def nearest_triangles(
@@ -28,6 +32,16 @@ def nearest_triangles(
         nearest[met], length[met], weights[met] = number, t[met], solved[met]
         front[met] = (direction[met] @ normal) < 0.0
     return nearest, length, weights, front
+
+
+def seen_triangles_reference(camera: Camera, corners_world: np.ndarray) -> SeenTriangles:
+    """Reference of `seen_triangles` for corners (N, 3, 3) float64."""
+    origin, direction, speed = pixel_rays(Grid((0.0, 0.0, 0.0), 1.0, 1), camera, *picture_points(camera))
+    begin = origin + (camera.clip_start / speed)[:, None] * direction
+    nearest, length, *_ = nearest_triangles(corners_world, begin, direction)
+    depth, shape = camera.clip_start + length * speed, (camera.height_px, camera.width_px)
+    seen = depth <= camera.clip_end
+    return SeenTriangles(np.where(seen, nearest, -1).reshape(shape), np.where(seen, depth, np.inf).reshape(shape))
 
 
 def unpacked_light(packed: np.ndarray) -> np.ndarray:

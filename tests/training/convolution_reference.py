@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from patchnet.patchnet_addon.network.encoders import CHANNELS
 from patchnet.patchnet_addon.network.weights import Layer, Weights
+from patchnet.tests.references.networks import joined_blocks
 from patchnet.training.encoders import MAXIMUM, Branch, ConvolvingKind
 
 
@@ -24,9 +24,7 @@ class NumpyConvolutions:
         """Encode as `Encoder` says."""
         weights = self._weights
         assert isinstance(weights.encoder_kind, ConvolvingKind)
-        side = 1 << weights.lookahead
-        eight = blocks[rows].reshape(-1, 2, 2, 2, side, side, side, CHANNELS)  # octant and cell of z, y, x; channel
-        cells = eight.transpose(0, 7, 1, 4, 2, 5, 3, 6).reshape(-1, CHANNELS, *(2 * side,) * 3)
+        cells = np.moveaxis(joined_blocks(blocks[rows], 1 << weights.lookahead), -1, 1)
         layers = iter(weights.encoder)
         for stage in weights.encoder_kind.stages(weights.lookahead):
             cells = np.maximum(np.concatenate([_branch(branch, layers, cells) for branch in stage], axis=1), 0)

@@ -11,6 +11,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import with_boxes
 from patchnet.tests.references.codes import corner_blocks_reference
 from patchnet.tests.references.lookups import node_at
+from patchnet.tests.references.networks import joined_blocks
 from patchnet.tests.training.procedural import octree_from_leaves, spheres_and_slats
 from patchnet.training.data.augmentation import Augmentation, cube_symmetries
 from patchnet.training.data.batches import Batch, gather_batch
@@ -51,8 +52,7 @@ def rays_of(voxel: np.ndarray, views: np.ndarray) -> PatchRays:
 
 def patches(batch: Batch, voxels: int, side: int = 4) -> np.ndarray:
     """Patches (V, 8, S, S, S, 5) of corners, put together from a batch's blocks."""
-    eight = batch.blocks[batch.rows].reshape(voxels, 8, 2, 2, 2, side, side, side, 5)
-    return eight.transpose(0, 1, 2, 5, 3, 6, 4, 7, 8).reshape(voxels, 8, *(2 * side,) * 3, 5)
+    return joined_blocks(batch.blocks[batch.rows], side).reshape(voxels, 8, *(2 * side,) * 3, 5)
 
 
 @pytest.mark.parametrize("lookahead", [1, 2, 3])

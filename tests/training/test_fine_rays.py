@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree
-from patchnet.tests.references.first_hits import hits_of_pixels
+from patchnet.tests.references.first_hits import hits_of_pixels, shown_by
 from patchnet.training.strategies.registry import EVALUATED
 
 EYE = np.array([2.1, 1.4, 1.2])
@@ -40,8 +40,7 @@ def buffers(octree, camera):
 
 
 def seen(octree, camera, finer):
-    node, _ = hits_of_pixels(octree, camera, finer)
-    return np.where(node >= 0, octree.luminance_float(np.maximum(node, 0)), np.float32(0))
+    return shown_by(octree, hits_of_pixels(octree, camera, finer)[0])
 
 
 def test_the_finer_ray_of_a_pixel(octree, camera, buffers):
