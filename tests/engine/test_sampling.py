@@ -21,14 +21,14 @@ from patchnet.tests.references.small import window_variance_reference
 BUDGETS = np.linspace(0, 1, 101)
 
 
-def random_buffers(seed: int = 0, height: int = 17, width: int = 23) -> PixelBuffers:
-    """A view of noise: every part is filled in, about a third of the pixels are missed."""
+def random_buffers(seed: int = 0, height: int = 17, width: int = 23, hits: float = 0.66) -> PixelBuffers:
+    """A view of noise: every part is filled in; about a share `hits` of the pixels are hit."""
     rng = np.random.default_rng(seed)
     pixels = height * width
-    hit = rng.random(pixels) < 0.66
+    hit = rng.random(pixels) < hits
     preview = np.where(hit, rng.random(pixels), 0.0).astype(np.float32)
     normal = rng.standard_normal((pixels, 3)).astype(np.float32)
-    hits = SimpleNamespace(
+    first = SimpleNamespace(
         height_px=height,
         width_px=width,
         hit=hit,
@@ -49,7 +49,7 @@ def random_buffers(seed: int = 0, height: int = 17, width: int = 23) -> PixelBuf
         )
 
     return PixelBuffers(
-        hits=hits,
+        hits=first,
         behind=rng.random(pixels).astype(np.float32),
         behind_hit=rng.random(pixels) < 0.5,
         fine=rng.random(pixels).astype(np.float32),

@@ -50,6 +50,13 @@ def rays_of(voxel: np.ndarray, views: np.ndarray) -> PatchRays:
     )  # fmt: skip
 
 
+def assert_seen(octree: Octree, voxel: np.ndarray, views: np.ndarray, lookahead: int = 2) -> None:
+    """Coverage and luminance of stored views are those of their rays."""
+    coverage, luminance = render_patches(octree, rays_of(voxel, views), lookahead)
+    np.testing.assert_allclose(coverage, views[..., 10].ravel() / 4096, atol=3 / 4096)
+    np.testing.assert_allclose(luminance, views[..., 11].ravel() / 65535, atol=1e-3)
+
+
 def patches(batch: Batch, voxels: int, side: int = 4) -> np.ndarray:
     """Patches (V, 8, S, S, S, 5) of corners, put together from a batch's blocks."""
     return joined_blocks(batch.blocks[batch.rows], side).reshape(voxels, 8, *(2 * side,) * 3, 5)
@@ -73,8 +80,7 @@ def test_patches_are_those_that_are_encoded(octree: Octree, boxed: Octree, looka
 
 def test_samples_see_boxes(boxed: Octree) -> None:
     boxes = drain(draw_samples(boxed, 64, SampleSettings(views=4, min_level=DEPTH - 2, held_out=0.0, seed=2)))
-    coverage, _ = render_patches(boxed, rays_of(boxes.voxel[:8], boxes.views[:8]))
-    np.testing.assert_allclose(coverage, boxes.views[:8, :, 10].ravel() / 4096, atol=4 / 4096)
+    assert_seen(boxed, boxes.voxel[:8], boxes.views[:8])
 
 
 def matrix_of(symmetry: int) -> np.ndarray:
@@ -145,9 +151,7 @@ def test_samples_are_what_rays_see(octree: Octree, lookahead: int) -> None:
     assert samples.voxel[:, 0].max() <= DEPTH - lookahead
     views = samples.views.shape[1]
     signed = samples.views[..., 3:9].view(np.int16) / 32767.0
-    coverage, luminance = render_patches(octree, rays_of(samples.voxel, samples.views), lookahead)
-    np.testing.assert_allclose(coverage, samples.views[..., 10].ravel() / 4096, atol=3 / 4096)
-    np.testing.assert_allclose(luminance, samples.views[..., 11].ravel() / 65535, atol=1e-3)
+    assert_seen(octree, samples.voxel, samples.views, lookahead)
     np.testing.assert_allclose(np.linalg.norm(signed[..., :3], axis=-1), 1, atol=1e-4)
     np.testing.assert_allclose((signed[..., :3] * signed[..., 3:]).sum(-1), 0, atol=1e-4)
     for row in range(0, len(samples.voxel), 3):

@@ -7,8 +7,6 @@ import re
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.octree.file import save_octree
-from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.commands import main
 from patchnet.training.evaluation import evaluate
 from patchnet.training.strategies.registry import EVALUATED
@@ -23,21 +21,19 @@ def patch():
 
 
 @pytest.fixture(scope="module")
-def done(tmp_path_factory, patch):
-    """An evaluation of one octree."""
+def done(shells_path, tmp_path_factory, patch):
+    """Folder of an evaluation of one octree."""
     pytest.importorskip("matplotlib")
-    folder = tmp_path_factory.mktemp("evaluation")
-    octree, out = folder / "shells.safetensors", folder / "out"
-    save_octree(octree_of_shells(30_000), octree)
+    out = tmp_path_factory.mktemp("evaluation")
     patch.setattr(evaluate, "_COST_FRAMES", 1)
     patch.setattr(evaluate, "_COST_REPEATS", 1)
-    assert main(["lab", "evaluate", str(octree), *WORDS, "--out", str(out)]) == 0
-    return octree, out
+    assert main(["lab", "evaluate", str(shells_path), *WORDS, "--out", str(out)]) == 0
+    return out
 
 
 @pytest.fixture(scope="module")
 def results(done):
-    return json.loads((done[1] / "results.json").read_text(encoding="utf-8"))
+    return json.loads((done / "results.json").read_text(encoding="utf-8"))
 
 
 def test_curves_of_every_strategy(results):
@@ -69,16 +65,16 @@ def test_predicted_picture_beside_uniform_ones(done, results):
     (picture,) = values["predicted"].values()
     assert values["predicted"].keys() == {"predicted"} and picture["rays_per_pixel"] == 2
     assert picture["mse"] > 0 and picture["ms_per_frame"] > 0
-    assert f"{1e4 * picture['mse']:.1f} in {picture['ms_per_frame']:.1f} ms" in (done[1] / "tables.md").read_text()
+    assert f"{1e4 * picture['mse']:.1f} in {picture['ms_per_frame']:.1f} ms" in (done / "tables.md").read_text()
 
 
 def test_figures(done):
-    names = {path.name for path in (done[1] / "figures").iterdir()}
+    names = {path.name for path in (done / "figures").iterdir()}
     assert names == {f"shells-{kind}.{ending}" for kind in ("budget", "time") for ending in ("png", "svg")}
 
 
 def test_tables_have_the_figures_of_the_results(done, results):
-    text = (done[1] / "tables.md").read_text(encoding="utf-8")
+    text = (done / "tables.md").read_text(encoding="utf-8")
     mse = results["scenes"]["shells"]["mse"]
     assert f"| `optimal` | {mse['optimal'][30] / mse['ss-variance'][30]:.2f} |" in text
     assert all(f"| `{name}` |" in text for name in EVALUATED.keys() - {"random"})
@@ -90,18 +86,17 @@ def test_tables_have_the_figures_of_the_results(done, results):
     assert row.split(" | ")[3] == f"{ratio < 1:d} ({ratio:.3f})"
 
 
-def test_what_is_done_is_skipped_and_what_is_damaged_is_made_again(done):
-    octree, out = done
-    blocks = sorted((out / "scenes" / "shells" / "frames").iterdir())
+def test_what_is_done_is_skipped_and_what_is_damaged_is_made_again(shells_path, done):
+    blocks = sorted((done / "scenes" / "shells" / "frames").iterdir())
     before = [path.stat().st_mtime_ns for path in blocks]
-    kept = (out / "results.json").read_text(encoding="utf-8")
+    kept = (done / "results.json").read_text(encoding="utf-8")
     damaged = bytearray(blocks[-1].read_bytes())
     damaged[-20] ^= 255
     blocks[-1].write_bytes(bytes(damaged))
-    assert main(["lab", "evaluate", str(octree), *WORDS, "--out", str(out)]) == 0
+    assert main(["lab", "evaluate", str(shells_path), *WORDS, "--out", str(done)]) == 0
     after = [path.stat().st_mtime_ns for path in blocks]
     assert before[:-1] == after[:-1] and before[-1] != after[-1]
-    assert (out / "results.json").read_text(encoding="utf-8") == kept, "the same to the last digit"
+    assert (done / "results.json").read_text(encoding="utf-8") == kept, "the same to the last digit"
 
 
 @pytest.mark.parametrize(
@@ -110,11 +105,10 @@ def test_what_is_done_is_skipped_and_what_is_damaged_is_made_again(done):
         ([], "There is nothing to evaluate: name --scenes, or octree files"),
         (["--scenes", "moon"], "Unknown scene 'moon': choose one of"),
         (["missing.safetensors"], "missing.safetensors"),
-        (["x.safetensors", "--weights", "none.safetensors"], "none.safetensors"),
+        (["shells.safetensors", "--weights", "none.safetensors"], "none.safetensors"),
     ],
 )
-def test_what_cannot_be_evaluated_is_refused(words, message, tmp_path, capsys, done, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    save_octree(octree_of_shells(1000), tmp_path / "x.safetensors")
+def test_what_cannot_be_evaluated_is_refused(words, message, shells_path, tmp_path, capsys, done, monkeypatch):
+    monkeypatch.chdir(shells_path.parent)
     assert main(["lab", "evaluate", *words, "--out", str(tmp_path / "out")]) == 2
     assert message in capsys.readouterr().err

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refined_picture, refinement_order
-from patchnet.tests.training.frame_samples import NAMES, random_frame, scores_of, track_of
+from patchnet.tests.engine.test_sampling import random_buffers
+from patchnet.tests.training.frame_samples import NAMES, scores_of, track_of
 from patchnet.training.evaluation.curves import (
     BUDGETS,
     area,
@@ -15,7 +16,7 @@ from patchnet.training.evaluation.curves import (
     random_line,
 )
 
-FRAMES = [random_frame(seed, hits=share) for seed, share in enumerate((0.02, 0.1, 0.5))]
+FRAMES = [random_buffers(seed, hits=share) for seed, share in enumerate((0.02, 0.1, 0.5))]
 
 
 def composed_errors(name: str, budget: float) -> list[np.ndarray]:

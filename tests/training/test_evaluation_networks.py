@@ -6,12 +6,11 @@ import json
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.octree.file import save_octree
+from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import OutputError, SettingError, WeightsFileError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
-from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.commands import main
 from patchnet.training.evaluation import evaluate
 from patchnet.training.evaluation.map_frames import rendered_frames
@@ -46,35 +45,23 @@ def one_thread():
 
 
 @pytest.fixture(scope="module")
-def octree():
-    return octree_of_shells(20_000)
-
-
-@pytest.fixture(scope="module")
-def octree_path(octree, tmp_path_factory):
-    path = tmp_path_factory.mktemp("octree") / "shells.safetensors"
-    save_octree(octree, path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def frames_folder(octree_path, tmp_path_factory):
+def frames_folder(shells_path, tmp_path_factory):
     """Rendered frames of the track that WORDS of the command name."""
     folder = tmp_path_factory.mktemp("frames")
-    drain(rendered_frames([octree_path], TRACK, folder))
+    drain(rendered_frames([shells_path], TRACK, folder))
     return folder
 
 
 @pytest.fixture(scope="module")
-def frames(octree_path, frames_folder):
-    return drain(rendered_frames([octree_path], TRACK, frames_folder))
+def frames(shells_path, frames_folder):
+    return drain(rendered_frames([shells_path], TRACK, frames_folder))
 
 
 @pytest.fixture(scope="module")
-def buffers(octree):
+def buffers(shells_path):
     camera = Camera.look_at(np.array([1.6, -1.2, 0.9]), np.zeros(3), size_px=(33, 21))
     strategy = type("Needy", (), {"needs": NEEDS})()
-    return drain(trace_view(octree, camera, [strategy], reference=False))
+    return drain(trace_view(load_octree(shells_path), camera, [strategy], reference=False))
 
 
 def trained(frames, name, out, **others):
@@ -129,7 +116,7 @@ def test_strategy_of_a_weights_file(name, maps, buffers):
     np.testing.assert_array_equal(scores, map_strategy(maps[name]).scores(buffers))
 
 
-def test_a_file_that_is_no_map_is_refused(maps, octree_path, tmp_path):
+def test_a_file_that_is_no_map_is_refused(maps, shells_path, tmp_path):
     arrays, notes = read_map(maps["unet"])
     damaged = bytearray(maps["unet"].read_bytes())
     damaged[-20] ^= 255
@@ -143,7 +130,7 @@ def test_a_file_that_is_no_map_is_refused(maps, octree_path, tmp_path):
         (tmp_path / "foreign", "the network 'moon'"),
         (tmp_path / "mixed", "does not match the layers"),
         (tmp_path / "endless", "not finite"),
-        (octree_path, "octree file where a sampling-map file is needed"),
+        (shells_path, "octree file where a sampling-map file is needed"),
     ):
         with pytest.raises(WeightsFileError, match=message):
             map_strategy(path)
@@ -182,8 +169,8 @@ def test_pull_push_keeps_samples_and_fills_between():
     assert weights.grad is not None and weights.grad.isfinite().all() and weights.grad.abs().max() > 0
 
 
-def test_train_maps_command(octree_path, frames_folder, tmp_path, capsys):
-    words = ["lab", "train-maps", str(octree_path), "--network", "weiss", "--out", str(tmp_path), "--steps", "2", *SIZE]
+def test_train_maps_command(shells_path, frames_folder, tmp_path, capsys):
+    words = ["lab", "train-maps", str(shells_path), "--network", "weiss", "--out", str(tmp_path), "--steps", "2", *SIZE]
     words += ["--frames", "16", "--every", "2", "--batch", "1", "--crop", "16", "--frames-folder", str(frames_folder)]
     words += ["--device", "cpu"]
     assert main(words) == 0
@@ -204,11 +191,11 @@ def test_what_cannot_be_trained_is_refused(words, message, tmp_path, capsys):
     assert message in capsys.readouterr().err
 
 
-def test_evaluation_with_maps(octree_path, maps, tmp_path, monkeypatch, capsys):
+def test_evaluation_with_maps(shells_path, maps, tmp_path, monkeypatch, capsys):
     pytest.importorskip("matplotlib")
     monkeypatch.setattr(evaluate, "_COST_FRAMES", 1)
     monkeypatch.setattr(evaluate, "_COST_REPEATS", 1)
-    words = ["lab", "evaluate", str(octree_path), "--frames", "8", "--every", "2", *SIZE, "--processes", "1"]
+    words = ["lab", "evaluate", str(shells_path), "--frames", "8", "--every", "2", *SIZE, "--processes", "1"]
     words += ["--out", str(tmp_path / "out"), "--maps", *map(str, maps.values())]
     assert main(words) == 0
     results = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
@@ -222,5 +209,5 @@ def test_evaluation_with_maps(octree_path, maps, tmp_path, monkeypatch, capsys):
     figure = (tmp_path / "out" / "figures" / "shells-budget.svg").read_text(encoding="utf-8")
     assert all(f"| `{name}` |" in tables and f"<!-- {name} -->" in figure for name in names)
     assert results["maps"].keys() == names
-    assert main([*words[:-3], str(octree_path)]) == 2
+    assert main([*words[:-3], str(shells_path)]) == 2
     assert "sampling-map file is needed" in capsys.readouterr().err

@@ -6,7 +6,8 @@ import pytest
 
 from patchnet.patchnet_addon.image.tone import srgb_encode
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refined_picture
-from patchnet.tests.training.frame_samples import random_frame, scores_of
+from patchnet.tests.engine.test_sampling import random_buffers
+from patchnet.tests.training.frame_samples import scores_of
 from patchnet.training.evaluation.curves import frame_orders
 from patchnet.training.evaluation.picture_metrics import QUALITY_NAMES, picture_metrics, structure_of
 
@@ -71,7 +72,7 @@ def test_ms_ssim_is_that_of_a_plain_loop(shape: tuple[int, int], scales: int) ->
 
 @pytest.mark.parametrize("name, encode", [("linear", np.asarray), ("srgb", srgb_encode)])
 def test_metrics_are_those_of_the_composed_pictures(name: str, encode) -> None:
-    buffers = random_frame(2, 50, 44)
+    buffers = random_buffers(2, 50, 44, hits=0.1)
     order = frame_orders(buffers, scores_of(buffers))["ss-variance"]
     reference = encode(buffers.reference.reshape(50, 44).astype(np.float64))
     masks = [refined_mask(buffers, order, budget) for budget in (0.0, 0.2, 0.6)]

@@ -14,7 +14,6 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.tests.engine.mesh_samples import even, octree_of, square
-from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.commands import main
 from patchnet.training.evaluation.catalogue import octree_path
 from patchnet.training.evaluation.codes import coded_octree
@@ -44,13 +43,6 @@ def table(tmp_path_factory):
     return path
 
 
-@pytest.fixture(scope="module")
-def shells(tmp_path_factory):
-    path = tmp_path_factory.mktemp("shells") / "shells.safetensors"
-    save_octree(octree_of_shells(30_000), path)
-    return path
-
-
 def overlap(first, second):
     """Whether two squares share a pixel."""
     pixels = np.zeros((64, 64))
@@ -70,8 +62,8 @@ def test_crops_are_where_the_difference_is_largest():
     assert not overlap(first, second) and overlap(first, (slice(24, 29), slice(35, 40)))
 
 
-def test_split_view(shells):
-    coded = drain(coded_octree(shells, load_weights()))
+def test_split_view(shells_path):
+    coded = drain(coded_octree(shells_path, load_weights()))
     camera = drain(hardest_end(coded.octree, (60, 60), 2))
     view = drain(split_view(coded, camera))
     values = view.values()

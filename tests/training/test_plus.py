@@ -9,7 +9,7 @@ import pytest
 
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
-from patchnet.patchnet_addon.octree.file import save_octree
+from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import PatchNetError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS
@@ -19,7 +19,6 @@ from patchnet.patchnet_addon.sampling.plus.weights import estimators_of, load_es
 from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
-from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.commands import main
 from patchnet.training.plus.frames import SYMMETRIES, PixelTable, symmetries
 
@@ -33,15 +32,8 @@ WORDS = ["--frames", "8", "--every", "1", "--size", "48", "40", "--rays", "4", "
 
 
 @pytest.fixture(scope="module")
-def octree_path(tmp_path_factory):
-    path = tmp_path_factory.mktemp("octree") / "shells.safetensors"
-    save_octree(octree_of_shells(20_000), path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def table():
-    octree = octree_of_shells(20_000)
+def table(shells_path):
+    octree = load_octree(shells_path)
     coded = drain(encode_octree(octree, Weights.random(seed=1)))
     parts = []
     for turn in range(3):
@@ -87,8 +79,8 @@ def test_network_says_what_was_learnt(table):
     np.testing.assert_allclose((mean + direct) ** 2 + np.exp(variance), expected, rtol=1e-3, atol=1e-5)
 
 
-def test_command_learns_the_same_again(octree_path, tmp_path, capsys):
-    words = ["lab", "train-plus", str(octree_path), *WORDS]
+def test_command_learns_the_same_again(shells_path, tmp_path, capsys):
+    words = ["lab", "train-plus", str(shells_path), *WORDS]
     assert main([*words, "--steps", "40", "--out", str(tmp_path / "a")]) == 0
     said = capsys.readouterr().out
     assert "holds patchnet.safetensors, plus.safetensors, log.jsonl" in said and "plus-4 0." in said
@@ -114,12 +106,11 @@ def test_nothing_to_learn_from(table, tmp_path):
     ("words", "message"),
     [
         (["none.safetensors"], "none.safetensors"),
-        (["x.safetensors", "--weights", "lost.safetensors"], "lost.safetensors"),
-        (["x.safetensors", "./x.safetensors"], "named twice"),
+        (["shells.safetensors", "--weights", "lost.safetensors"], "lost.safetensors"),
+        (["shells.safetensors", "./shells.safetensors"], "named twice"),
     ],
 )
-def test_what_cannot_be_trained_is_refused(words, message, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    save_octree(octree_of_shells(1000), tmp_path / "x.safetensors")
+def test_what_cannot_be_trained_is_refused(words, message, shells_path, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(shells_path.parent)
     assert main(["lab", "train-plus", *words, "--out", str(tmp_path / "out")]) == 2
     assert message in capsys.readouterr().err

@@ -124,15 +124,8 @@ def test_refuses_what_does_not_fit(datasets: list[Dataset], tmp_path: Path) -> N
         drain(train(datasets, replace(SETTINGS, learning_rate=0.5), RunOptions(tmp_path, resume=True)))
     with pytest.raises(SettingError, match="other values of encoder"):
         drain(train(datasets, replace(SETTINGS, encoder="conv3d", encoder_width=0), RunOptions(tmp_path, resume=True)))
-    redrawn = [
-        replace(
-            each,
-            samples=drain(
-                draw_samples(each.octree, 2 * each.samples.views[:, :, 0].size, SampleSettings(views=4, min_level=3))
-            ),
-        )
-        for each in datasets
-    ]
+    wanted, count = SampleSettings(views=4, min_level=3), 2 * datasets[0].samples.views[:, :, 0].size
+    redrawn = [replace(each, samples=drain(draw_samples(each.octree, count, wanted))) for each in datasets]
     with pytest.raises(SettingError, match="other values of samples"):
         drain(train(redrawn, SETTINGS, RunOptions(tmp_path, resume=True)))
     (tmp_path / "checkpoint.pt").write_bytes(b"nothing")
