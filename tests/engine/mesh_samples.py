@@ -54,14 +54,10 @@ def octree_of(source, shade, grid, **settings):
     return drain(build_octree(source, grid, shade, **settings))
 
 
-def all_leaves(leaves, _block_level):
-    """Keep everything, for `voxelize`."""
-    return leaves
-
-
 def leaves_of(source, grid, shade, layout=None, detail=PLAIN_LEAVES, **settings):
     """Leaf sums of each level with leaves, coarse first, all passes together; settings of `ClippedSurface`."""
-    passes = drain(voxelize(ClippedSurface(source, grid, layout, **settings), shade, all_leaves, detail=detail))
+    clipped = ClippedSurface(source, grid, layout, **settings)
+    passes = drain(voxelize(clipped, shade, lambda leaves, _block_level: leaves, detail=detail))
     parts = [part for leaves in passes for part in leaves]
     return [_joined(level, parts) for level in sorted({part.level for part in parts})]
 

@@ -23,10 +23,6 @@ def _parent(place):
     return level - 1, tuple(axis // 2 for axis in cell)
 
 
-def _octant(cell):
-    return (cell[0] & 1) + 2 * (cell[1] & 1) + 4 * (cell[2] & 1)
-
-
 def octree_from_leaves(leaves, depth, side_world=1.0):
     """Octree of `leaves` {(level, (x, y, z)): (area, luminance, (nx, ny, nz))}; parents hold area-weighted means."""
     nodes = {place: np.array([area, luminance, *normal]) for place, (area, luminance, normal) in leaves.items()}
@@ -42,7 +38,7 @@ def octree_from_leaves(leaves, depth, side_world=1.0):
     index = {place: number for number, place in enumerate(order)}
     mask, first = np.zeros(len(order), np.uint8), np.zeros(len(order), np.uint32)
     for place in reversed(order[1:]):
-        mask[index[_parent(place)]] |= 1 << _octant(place[1])
+        mask[index[_parent(place)]] |= 1 << plain_key(place[1]) % 8
         first[index[_parent(place)]] = index[place]
     values = np.array([nodes[place] for place in order])
     return Octree(

@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, LeafDetail
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments, Shading, TriangleBatch, TriangleMesh
-from patchnet.tests.references.clip import parts_of
+from patchnet.tests.references.clip import each_fragment
 
 from .light_samples import random_layout, random_surface
 from .mesh_samples import even, octree_of
@@ -35,13 +35,12 @@ def pieces(clipped: ClippedSurface) -> list[tuple]:
     return sorted(
         (
             fragments.level,
-            int(fragments.keys[f]),
-            batch.first_triangle + int(fragments.triangle[f]),
+            key,
+            number,
             float(fragments.area_world[f]),
             *fragments.barycentric[f].tolist(),
         )
-        for batch, fragments in parts_of(clipped)
-        for f in range(len(fragments))
+        for _, fragments, f, key, number in each_fragment(clipped)
     )
 
 

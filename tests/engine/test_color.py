@@ -8,7 +8,6 @@ from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
 from patchnet.patchnet_addon.octree.file import octree_arrays
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
-from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.surface.chroma import BLUE, GREEN, RED, decoded_colors
 from patchnet.patchnet_addon.surface.chroma_kernels import encode_chroma
 from patchnet.patchnet_addon.surface.mesh import Fragments, Shading, TriangleBatch, TriangleMesh
@@ -44,16 +43,6 @@ def color_shade(batch: TriangleBatch, fragments: Fragments) -> Shading:
     return gray_shade(batch, fragments)._replace(color=5.0 * colors_of(batch, fragments))  # brightness does not count
 
 
-@pytest.fixture(scope="module")
-def gray() -> Octree:
-    return octree_of(soup(np.arange(150), []), gray_shade, GRID, exposure=1.5)
-
-
-@pytest.fixture(scope="module")
-def octree() -> Octree:
-    return octree_of(soup(np.arange(150), []), color_shade, GRID, exposure=1.5)
-
-
 def test_chroma_keeps_luminance_and_hue() -> None:
     rng = np.random.default_rng(0)
     colors = rng.random((20_000, 3)) * 10.0 ** rng.uniform(-6, 6, (20_000, 1))
@@ -76,7 +65,9 @@ def test_compiled_chroma_equals_the_plain_one() -> None:
     assert np.abs(difference).max() <= 1 and (difference == 0).mean() > 0.999, "single precision may tip a rounding"
 
 
-def test_luminance_is_that_of_an_octree_without_colour(gray: Octree, octree: Octree) -> None:
+def test_luminance_is_that_of_an_octree_without_colour() -> None:
+    source = soup(np.arange(150), [])
+    gray, octree = (octree_of(source, shade, GRID, exposure=1.5) for shade in (gray_shade, color_shade))
     assert gray.chroma is None and octree.chroma is not None and octree.chroma.any()
     for name, values in octree_arrays(gray).items():
         if name != "bright_colors":

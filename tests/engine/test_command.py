@@ -16,16 +16,6 @@ from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.training import commands as all_commands
 
 
-@pytest.fixture
-def greet(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """A sub-command `greet` in place of the real ones; tests set its `run`."""
-
-    module = SimpleNamespace(add_arguments=lambda parser: parser.add_argument("name"), run=lambda args: 0)
-    monkeypatch.setitem(sys.modules, "patchnet.commands.greet", module)
-    monkeypatch.setitem(commands.NAMES, "greet", "greet a user")
-    return module
-
-
 @pytest.mark.parametrize("program", [["-m", "patchnet"], [str(Path(sys.executable).with_name("patchnet"))]])
 def test_help_of_both_entry_points(program: list[str]) -> None:
     command = [sys.executable, *program] if program[0] == "-m" else program
@@ -83,12 +73,14 @@ def test_version_names_what_computes(capsys: pytest.CaptureFixture[str]) -> None
     ],
 )
 def test_errors_are_one_line_and_an_exit_code(
-    error: Exception, code: int, said: str, greet: SimpleNamespace, capsys: pytest.CaptureFixture[str]
+    error: Exception, code: int, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def run(args) -> int:
         raise error
 
-    greet.run = run
+    module = SimpleNamespace(add_arguments=lambda parser: parser.add_argument("name"), run=run)
+    monkeypatch.setitem(sys.modules, "patchnet.commands.greet", module)
+    monkeypatch.setitem(commands.NAMES, "greet", "greet a user")
     assert commands.main(["greet", "Ada"]) == code
     written = capsys.readouterr().err
     assert written.startswith(f"patchnet: {said}") and written.count("\n") == 1

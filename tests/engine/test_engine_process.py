@@ -255,28 +255,21 @@ def test_ten_owners_have_ten_engines(tmp_path: Path) -> None:
     assert all(ends_within(pid, 20.0) for pid in pids)
 
 
+@pytest.mark.usefixtures("engine")
 def test_a_forbidden_process_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def forbidden(*_words: object, **_how: object) -> None:
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(subprocess, "Popen", forbidden)
     monkeypatch.setattr(threads, "_limit", None)
-    process.use_engine_process()
-    try:
-        assert answer(work.process_facts)["pid"] == os.getpid()
-        assert process.refused().startswith("PatchNet cannot start its engine process (Permission denied): allow")
-        assert threads.thread_count() == 1
-    finally:
-        process.leave_engine_process()
+    assert answer(work.process_facts)["pid"] == os.getpid()
+    assert process.refused().startswith("PatchNet cannot start its engine process (Permission denied): allow")
+    assert threads.thread_count() == 1
 
 
+@pytest.mark.usefixtures("engine")
 def test_python_that_does_not_run_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-
     monkeypatch.setattr(client, "_python", lambda: "/bin/false")
     monkeypatch.setattr(threads, "_limit", None)
-    process.use_engine_process()
-    try:
-        assert answer(work.process_facts)["pid"] == os.getpid()
-        assert "(exit code 1)" in process.refused()
-    finally:
-        process.leave_engine_process()
+    assert answer(work.process_facts)["pid"] == os.getpid()
+    assert "(exit code 1)" in process.refused()

@@ -29,17 +29,6 @@ def octree():
     return replace(octree, grid=Grid((-3.0, 10.0, 2.5), 4.0, 7), exposure=0.5, provenance={"scene": "Höhle"})
 
 
-@pytest.fixture(scope="module")
-def colored(octree):
-    rng = np.random.default_rng(1)
-    return replace(octree, chroma=rng.integers(40, 128, (octree.node_count, 2)).astype(np.uint8))
-
-
-@pytest.fixture(params=["octree", "colored"])
-def either(request):
-    return request.getfixturevalue(request.param)
-
-
 def read_ply(path):
     """Vertices of a binary little-endian PLY without faces, by its header alone."""
     types = {"float": "<f4", "uchar": "u1"}
@@ -52,11 +41,15 @@ def read_ply(path):
     return np.frombuffer(data, row)
 
 
+@pytest.mark.parametrize("colored", [False, True])
 @pytest.mark.parametrize("level", [0, 3, 7])
-def test_ply(either, level, tmp_path):
+def test_ply(octree, colored, level, tmp_path):
+    if colored:
+        chroma = np.random.default_rng(1).integers(40, 128, (octree.node_count, 2)).astype(np.uint8)
+        octree = replace(octree, chroma=chroma)
     path = tmp_path / "voxels.ply"
-    cloud = voxel_cloud(either, level)
-    assert drain(export_octree(either, path, level)) == len(cloud)
+    cloud = voxel_cloud(octree, level)
+    assert drain(export_octree(octree, path, level)) == len(cloud)
     rows = read_ply(path)
     np.testing.assert_allclose(np.stack([rows[axis] for axis in "xyz"], -1), cloud.centres_world, atol=1e-6)
     np.testing.assert_array_equal(np.stack([rows["n" + axis] for axis in "xyz"], -1), cloud.normal)
@@ -64,7 +57,7 @@ def test_ply(either, level, tmp_path):
         np.testing.assert_array_equal(rows[f"scalar_{name}"], values)
     values = np.stack([rows[name] for name in ("red", "green", "blue")], axis=-1) / 255
     linear = np.where(values <= 10 / 255, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-    color = cloud.luminance[:, None] if either.chroma is None else np.clip(cloud.color, 0, 1)
+    color = cloud.luminance[:, None] if octree.chroma is None else np.clip(cloud.color, 0, 1)
     np.testing.assert_allclose(linear, np.broadcast_to(color, linear.shape), atol=0.005)
 
 

@@ -108,11 +108,6 @@ def test_only_relative_imports(part: str) -> None:
     assert [path.name for path in modules_of(part) if "patchnet" in imported_parts(path)] == []
 
 
-def imports_of(path: Path) -> set[Path]:
-    """Modules of this tree that a module imports, by relative imports; a package is its `__init__.py`."""
-    return {module for _, module, _ in imported(path) if isinstance(module, Path)} - {path}
-
-
 def circle(graph: dict[Path, set[Path]]) -> list[str]:
     """Nodes that lead from one back to itself; none if there is no circle."""
     try:
@@ -125,7 +120,8 @@ def circle(graph: dict[Path, set[Path]]) -> list[str]:
 @pytest.fixture(scope="module")
 def graph() -> dict[Path, set[Path]]:
     """Imports of all product modules, those within functions and for types alone too."""
-    return {path: imports_of(path) for part in FORBIDDEN for path in modules_of(part)}
+    paths = [path for part in FORBIDDEN for path in modules_of(part)]
+    return {path: {module for _, module, _ in imported(path) if isinstance(module, Path)} - {path} for path in paths}
 
 
 def test_no_files_import_each_other_in_circles(graph: dict[Path, set[Path]]) -> None:

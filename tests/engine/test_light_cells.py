@@ -205,9 +205,8 @@ def test_surface_at_surfels(color: bool) -> None:
     surface = surface_of_surfels(surfels, source, table, reflects, color=color)
     corners = corners[surfels["triangle"]]
     np.testing.assert_allclose(surface.place[:, 2], corners[:, 0, 2], atol=1e-7)
-    for axis, shift in enumerate((0, 1, 2)):
-        bits = np.array([int(f"{int(leaf) >> 5:021b}"[::-1][shift::3][::-1], 2) for leaf in surfels["leaf"]])
-        assert (np.abs(surface.place[:, axis] * 64 - bits - 0.5) < 0.5 + 1e-5).all()
+    leaves = morton_decode(surfels["leaf"] >> np.uint64(LEVEL_BITS))
+    assert (np.abs(surface.place * 64 - leaves - 0.5) < 0.5 + 1e-5).all()
     up = triangle_areas_and_normals(corners)[1]
     np.testing.assert_allclose(surface.normal, np.where(surfels["side"] == BACK, -1.0, 1.0)[:, None] * up, atol=1e-12)
     np.testing.assert_array_equal(surface.material, surfels["triangle"] // 2)

@@ -51,12 +51,9 @@ def painted(mesh: TriangleMesh, *materials: Material) -> TriangleMesh:
     return TriangleMesh(mesh.parts, materials)
 
 
-def base_of(mesh: TriangleMesh, *, color: bool = False) -> BaseColors:
-    return BaseColors(TextureTable.from_materials(mesh.materials, color=color), np.ones(len(mesh.materials), bool))
-
-
 def exact(mesh: TriangleMesh, shade=None, *, color: bool = False, boxes: bool = True, **settings):
-    detail = LeafDetail(boxes=boxes, base=base_of(mesh, color=color))
+    base = BaseColors(TextureTable.from_materials(mesh.materials, color=color), np.ones(len(mesh.materials), bool))
+    detail = LeafDetail(boxes=boxes, base=base)
     shade = shade or albedo_shade(mesh, color=color)
     return octree_of(mesh, shade, settings.pop("grid", GRID), exposure=1.0, detail=detail, **settings)
 

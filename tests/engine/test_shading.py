@@ -13,6 +13,7 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
 from patchnet.patchnet_addon.surface.textures import cut_coverage
+from patchnet.tests.references.clip import centroids
 from patchnet.tests.references.footprint import bilinear_reference
 
 from .mesh_samples import in_batches, leaves_of, pieces_of, square
@@ -34,12 +35,6 @@ def pieces(mesh: TriangleMesh, depth: int) -> tuple[TriangleBatch, Fragments]:
     return batch, pieces_of(batch, Grid((-1e-9, -1e-9, -0.5), 1.0 + 2e-9, depth))
 
 
-def points(batch: TriangleBatch, fragments: Fragments) -> np.ndarray:
-    """Centroids (F, 2) of the fragments."""
-    weights = np.column_stack([1 - fragments.barycentric.sum(axis=1), fragments.barycentric])
-    return np.einsum("fc,fcx->fx", weights, batch.corners_world[fragments.triangle])[:, :2]
-
-
 @pytest.mark.parametrize("wrap", ["REPEAT", "EXTEND", "MIRROR", "CLIP"])
 @pytest.mark.parametrize("transform", [None, ((0.0, -1.5, 0.25), (2.0, 0.0, -0.5))])
 def test_small_fragments_read_the_finest_texels(wrap: str, transform: tuple | None) -> None:
@@ -50,7 +45,7 @@ def test_small_fragments_read_the_finest_texels(wrap: str, transform: tuple | No
     batch, fragments = pieces(mesh, 5)
     fragments = replace(fragments, area_world=fragments.area_world * 1e-6)
     values, opacity, *_ = albedo_shade(mesh)(batch, fragments)
-    uv = points(batch, fragments) * 2.5
+    uv = centroids(batch.corners_world, fragments)[:, :2] * 2.5
     if transform is not None:
         uv = np.column_stack([uv, np.ones(len(uv))]) @ np.array(transform).T
     expected = bilinear_reference(pixels, uv, wrap) @ (REC709 * (0.5, 1.0, 0.25))

@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -33,12 +32,8 @@ ORACLE_LIMITS = {"patchnet-behind-exact": 0.435, "patchnet-exact": 0.915}  # 0.3
 
 
 @pytest.fixture(scope="module")
-def coded() -> CodedOctree:
-    return drain(encode_octree(yard_octree(), load_weights()))
-
-
-@pytest.fixture(scope="module")
-def views(coded: CodedOctree) -> list[PixelBuffers]:
+def views() -> list[PixelBuffers]:
+    coded = drain(encode_octree(yard_octree(), load_weights()))
     return [drain(trace_view(coded.octree, camera, STRATEGIES.values(), coded=coded)) for camera in yard_cameras()]
 
 

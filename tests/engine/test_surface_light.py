@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Look-up of baked light by fragments, against one in a dictionary; the one luminance of two sides."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
@@ -32,7 +30,6 @@ from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import (
-    Fragments,
     Material,
     RotatedSource,
     TriangleBatch,
@@ -42,7 +39,7 @@ from patchnet.patchnet_addon.surface.mesh import (
 from patchnet.patchnet_addon.surface.sides import BACK, FRONT
 from patchnet.patchnet_addon.surface.textures import LEAST_BASE, TextureTable
 from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
-from patchnet.tests.references.clip import parts_of
+from patchnet.tests.references.clip import centroids, each_fragment, parts_of
 from patchnet.tests.references.surfels import Cell, Place, face_reference, key_of, lookup_reference
 
 from .light_samples import FLAT_GRID, NO_EYES, partly_seen, random_layout, random_surface, sheets_on, sums_of
@@ -62,13 +59,6 @@ def table_of(cells: dict[Place, Cell]) -> LightCells:
     return LightCells(keys, slots, light, noise, radiance, pixels)
 
 
-def pieces(clipped: ClippedSurface) -> Iterator[tuple[TriangleBatch, Fragments, int, int, int]]:
-    """Fragments one by one: batch, its fragments, number, key and triangle of one among all."""
-    for batch, fragments in parts_of(clipped):
-        for f in range(len(fragments)):
-            yield batch, fragments, f, int(fragments.keys[f]), batch.first_triangle + int(fragments.triangle[f])
-
-
 def random_cells(clipped: ClippedSurface, sheets: Sheets, seed: int) -> dict[Place, Cell]:
     """Cells above leaves, each way to find light for a part of them; some are coarse, some in the dark."""
     rng = np.random.default_rng(seed)
@@ -77,7 +67,7 @@ def random_cells(clipped: ClippedSurface, sheets: Sheets, seed: int) -> dict[Pla
         return Cell(rng.random(4) * rng.choice([1.0, 1e-3]), 0.0, 0.0, float(rng.choice([0.0, 1.0])))
 
     cells: dict[Place, Cell] = {}
-    for batch, fragments, f, key, t in pieces(clipped):
+    for batch, fragments, f, key, t in each_fragment(clipped):
         level, normal = fragments.level, triangle_areas_and_normals(batch.corners_world)[1][fragments.triangle[f]]
         for up in range(min(COARSE, level) + 1):
             cell = (key >> 3 * up) << 5 | level - up
@@ -228,7 +218,7 @@ def test_a_rotated_surface_has_the_light_of_the_upright_one(seed: int) -> None:
     source, sheets = TriangleMesh.from_arrays(corners), sheets_on(corners, np.zeros(12), 1)
     cells: dict[Place, Cell] = {}
     normals = triangle_areas_and_normals(next(source.batches()).corners_world)[1]
-    for _, fragments, _, key, t in pieces(ClippedSurface(source, GRID)):
+    for _, fragments, _, key, t in each_fragment(ClippedSurface(source, GRID)):
         face = face_reference(normals[t])
         x = (morton_decode(np.uint64(key >> 3))[0] + 0.5) / (1 << fragments.level - 1)
         cells[(key >> 3) << 5 | fragments.level - 1, face, 0] = Cell(np.array([10.0 * face + x]), 0.0, 0.0, 1.0)
@@ -240,11 +230,7 @@ def test_a_rotated_surface_has_the_light_of_the_upright_one(seed: int) -> None:
     count = 0
     for batch, fragments in parts_of(ClippedSurface(rotated, Grid.around(rotated.bounds_world, 5))):
         luminance, _, _, lights, _ = upright(batch, fragments)
-        corners = next(source.batches()).corners_world[fragments.triangle]
-        weights = np.concatenate(
-            [1.0 - fragments.barycentric.sum(axis=1, keepdims=True), fragments.barycentric], axis=1
-        )
-        x = (weights[:, :, None] * corners).sum(axis=1)[:, 0]
+        x = centroids(corners, fragments)[:, 0]
         faces = np.array([face_reference(normal) for normal in normals])[fragments.triangle]
         found = luminance > 0.0  # a few centroids lie in leaves of other sides, to the last bit
         count += found.sum()

@@ -9,6 +9,7 @@ import pytest
 
 from patchnet.patchnet_addon.light import surfel_cache
 from patchnet.patchnet_addon.light.surfel_cache import SurfelCache
+from patchnet.patchnet_addon.runtime.files import read_arrays
 
 IDS = np.random.default_rng(0).permutation(2**63 + np.arange(40, dtype=np.uint64) * np.uint64(2**50))
 BAKED = np.random.default_rng(1).random((40, 3)).astype(np.float32)
@@ -63,17 +64,14 @@ def test_no_surfels_are_no_light(kept: SurfelCache) -> None:
 
 
 def test_a_damaged_file_is_baked_again(kept: SurfelCache, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    damaged = next(path for path in (tmp_path / "key").glob("round-00-*") if len(kept_ids(path)) == 15)
+    files = (tmp_path / "key").glob("round-00-*")
+    damaged = next(path for path in files if len(read_arrays(path, surfel_cache.KIND)[0]["ids"]) == 15)
     damaged.write_bytes(damaged.read_bytes()[:-7])
     with caplog.at_level(logging.WARNING, "patchnet"):
         np.testing.assert_array_equal(kept.load(0, IDS, 4, 3)[1], np.arange(40) < 10)
     assert len(caplog.messages) == 1 and "baked again" in caplog.text and not damaged.exists()
     kept.save(0, IDS[10:25], 4, BAKED[10:25])
     assert kept.load(0, IDS, 4, 3)[1].sum() == 25
-
-
-def kept_ids(path: Path) -> np.ndarray:
-    return surfel_cache.read_arrays(path, surfel_cache.KIND)[0]["ids"]
 
 
 def test_a_folder_that_cannot_be_made_costs_a_warning(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -24,7 +24,7 @@ from patchnet.patchnet_addon.runtime.threads import limit_threads
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.surface.sides import BACK, FRONT
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.tests.references.clip import parts_of
+from patchnet.tests.references.clip import each_fragment
 from patchnet.tests.references.surfels import face_reference, surfels_reference
 
 from .light_samples import (
@@ -67,10 +67,8 @@ def test_places_are_those_of_the_fragments() -> None:
     source, sheets = random_surface(4)
     clipped = ClippedSurface(source, GRID)
     pieces = {}
-    for batch, fragments in parts_of(clipped):
-        for f in range(len(fragments)):
-            number = batch.first_triangle + int(fragments.triangle[f])
-            pieces[int(fragments.keys[f]), number] = (fragments.area_world[f], *fragments.barycentric[f])
+    for _, fragments, f, key, number in each_fragment(clipped):
+        pieces[key, number] = (fragments.area_world[f], *fragments.barycentric[f])
     surfels = surfels_of(source, sheets, grid=GRID)
     found = [pieces[int(one["leaf"]) >> 5, int(one["triangle"])] for one in surfels]
     columns = np.stack([surfels[name] for name in ("area", "one", "two")], axis=1)

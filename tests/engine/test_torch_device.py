@@ -38,16 +38,6 @@ def octree(request):
     return with_boxes(octree) if request.param else octree
 
 
-@pytest.fixture(scope="module")
-def weights():
-    return load_weights()
-
-
-@pytest.fixture(scope="module")
-def coded(octree, weights):
-    return drain(encode_octree(octree, weights))
-
-
 def assert_same_codes(found, wanted):
     """Half floats of codes that agree as encoders do."""
     found, wanted = found.astype(np.float32), wanted.astype(np.float32)
@@ -139,13 +129,15 @@ def test_codes_of_a_device(octree, lookahead, device, monkeypatch):
 
 
 @gpu_only
-def test_tf32_of_the_process_changes_nothing(octree, weights, coded):
+def test_tf32_of_the_process_changes_nothing(octree):
     """As NVIDIA's images switch it on for all; and it is on again afterwards."""
+    weights = load_weights()
+    wanted = drain(encode_octree(octree, weights)).codes
     matmul = torch.backends.cuda.matmul
     before = matmul.allow_tf32
     try:
         matmul.allow_tf32 = True
-        assert_same_codes(drain(encode_octree(octree, weights, device="cuda")).codes, coded.codes)
+        assert_same_codes(drain(encode_octree(octree, weights, device="cuda")).codes, wanted)
         assert matmul.allow_tf32
     finally:
         matmul.allow_tf32 = before

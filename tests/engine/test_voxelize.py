@@ -22,7 +22,7 @@ from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.surface.mesh import RotatedSource, Shading, TriangleMesh, random_rotation
 from patchnet.patchnet_addon.surface.shading import bisected_shade, two_lights_shade
 from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
-from patchnet.tests.references.clip import clip_reference
+from patchnet.tests.references.clip import centroids, clip_reference
 from patchnet.tests.references.lookups import node_at
 from patchnet.training.benchmarks.shells import shell_triangles
 
@@ -31,10 +31,8 @@ from .mesh_samples import even, in_batches, leaves_of, octree_of
 
 def position_shade(batch, fragments):
     """Luminance that varies over the surface: the x coordinate of the piece's centroid."""
-    b1, b2 = fragments.barycentric.T
-    weights = np.stack([1 - b1 - b2, b1, b2], axis=1)
-    points = (weights[:, :, None] * batch.corners_world[fragments.triangle]).sum(axis=1)
-    return Shading(points[:, 0].astype(np.float32), np.ones(len(fragments), np.float32))
+    x = centroids(batch.corners_world, fragments)[:, 0].astype(np.float32)
+    return Shading(x, np.ones(len(fragments), np.float32))
 
 
 def soup(count, seed=0, size=0.1):

@@ -25,7 +25,6 @@ def mixture(request):
     return Weights.random(seed=6, bias=0.1, kind=MIXTURE.of_width(request.param))
 
 
-@pytest.fixture(scope="module")
 def mixed_pixels():
     """Inputs of a mixture as rays bring them; some cells do not exist."""
     random = np.random.default_rng(2)
@@ -39,16 +38,17 @@ def mixed_pixels():
     return MixtureInputs(*(array.astype(np.float32) for array in (*rays, *others)))
 
 
-def test_mixture_with_torch(mixture, mixed_pixels):
+def test_mixture_with_torch(mixture):
     torch = pytest.importorskip("torch")
     from patchnet.training.data.nearby import Nearby
     from patchnet.training.network.patchnet import PatchNet
 
-    given = {name: torch.from_numpy(array) for name, array in vars(mixed_pixels).items()}
+    pixels = mixed_pixels()
+    given = {name: torch.from_numpy(array) for name, array in vars(pixels).items()}
     near = Nearby(*(given.pop(name) for name in ("view", "covered", "luminances")))
     with torch.no_grad():
         outputs = PatchNet(mixture).decode_mixture(near=near, **given).numpy()
-    coverage, luminance = decode_mixture(mixture, mixed_pixels)
+    coverage, luminance = decode_mixture(mixture, pixels)
     np.testing.assert_allclose(outputs[:, 0].clip(0, 1), coverage, atol=1e-4)
     np.testing.assert_allclose(outputs[:, 1], luminance, atol=1e-4)
 

@@ -11,7 +11,7 @@ from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
 from patchnet.patchnet_addon.process.transfer import Remote
 from patchnet.patchnet_addon.surface.light import SurfaceLight
 from patchnet.patchnet_addon.surface.scene_mesh import SceneMesh
-from patchnet.tests.references.clip import parts_of
+from patchnet.tests.references.clip import centroids, parts_of
 
 
 def clip_evenly(source: SceneMesh, grid: Grid, color: bool) -> Remote[ClippedSurface]:
@@ -25,9 +25,7 @@ def read_fragments(clipped: ClippedSurface, light: SurfaceLight) -> tuple[np.nda
     """
     parts = []
     for batch, fragments in parts_of(clipped):
-        corners = batch.corners_world[fragments.triangle]
-        weights = fragments.barycentric[..., None].astype(np.float64)
-        place = corners[:, 0] + (weights * (corners[:, 1:] - corners[:, :1])).sum(axis=1)
+        place = centroids(batch.corners_world, fragments)
         luminance, opacity, _, lights, _ = light.shade(batch, fragments)
         triangle = fragments.triangle + batch.first_triangle
         parts.append((triangle, place, fragments.area_world, luminance, opacity, lights[..., 0]))

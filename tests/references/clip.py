@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reference of `clip`: clip every cell of a triangle's bounding box on its own; fragments in a fixed order."""
+"""Reference of `clip`: clip every cell of a triangle's bounding box on its own; fragments in order, one by one."""
 
 from __future__ import annotations
 
@@ -22,6 +22,19 @@ def parts_of(clipped: ClippedSurface) -> Iterator[tuple[TriangleBatch, Fragments
             for share, wanted in enumerate(cells, number * len(ranges)):
                 for fragments in clipped.fragments(share, batch, areas, wanted):
                     yield batch, fragments
+
+
+def each_fragment(clipped: ClippedSurface) -> Iterator[tuple[TriangleBatch, Fragments, int, int, int]]:
+    """Fragments one by one: batch, its fragments, number, key and triangle of one among all."""
+    for batch, fragments in parts_of(clipped):
+        for f in range(len(fragments)):
+            yield batch, fragments, f, int(fragments.keys[f]), batch.first_triangle + int(fragments.triangle[f])
+
+
+def centroids(corners: np.ndarray, fragments: Fragments) -> np.ndarray:
+    """Centroids (F, 3) float64 of fragments of triangles (T, 3, 3)."""
+    own, weights = corners[fragments.triangle], fragments.barycentric[..., None].astype(np.float64)
+    return np.asarray(own[:, 0] + (weights * (own[:, 1:] - own[:, :1])).sum(axis=1))
 
 
 def clip_reference(corners_voxel: np.ndarray, resolution: int) -> dict[int, tuple[float, np.ndarray]]:

@@ -101,10 +101,6 @@ def _light_level(key: int, level: int, seen: Mapping[int, tuple[int, float]], is
     return coarse, 0.0
 
 
-def _eye_is_above(place: np.ndarray, normal: np.ndarray, eye: np.ndarray) -> bool:
-    return bool(normal @ (eye[:3] - eye[3] * place) > 0.0)
-
-
 def surfels_reference(
     clipped: ClippedSurface, opacity: ShadingFn, sheets: Sheets, seen: SeenCells, eyes: np.ndarray, is_color: bool
 ) -> dict[Place, Drawn]:
@@ -128,7 +124,7 @@ def surfels_reference(
                 if sheets.lit[number] == -sign:
                     continue
                 coarse = min(COARSE, level)
-                above = [_eye_is_above(place, normals[t], eye) for eye in eyes]
+                above = [bool(normals[t] @ (eye[:3] - eye[3] * place) > 0.0) for eye in eyes]
                 ways = {coarse: 0.0}  # and their pixels
                 if pixels > 0.0 and (not len(eyes) or (side == 0) in above):
                     ways |= dict.fromkeys(range(up_of_seen, coarse) if is_color else (up_of_seen,), pixels)

@@ -31,11 +31,6 @@ def boxed(octree: Octree) -> Octree:
     return with_boxes(octree)
 
 
-@pytest.fixture(scope="module")
-def samples(octree: Octree) -> Samples:
-    return drawn(octree, 2)
-
-
 def drawn(octree: Octree, lookahead: int) -> Samples:
     settings = SampleSettings(views=4, min_level=3, held_out=0.0, seed=2, lookahead=lookahead)
     return drain(draw_samples(octree, 256, settings))
@@ -100,8 +95,9 @@ def moved_octree(octree: Octree, symmetry: int, gain: float, offset: float) -> O
 
 
 @pytest.mark.parametrize("symmetry", [7, 18, 41])
-def test_augmentation_is_exact(octree: Octree, samples: Samples, symmetry: int) -> None:
+def test_augmentation_is_exact(octree: Octree, symmetry: int) -> None:
     """Turning a finest-level sample equals drawing it in the turned scene."""
+    samples = drawn(octree, 2)
     at = np.flatnonzero(samples.voxel[:, 0] == DEPTH - 2)[:12]
     voxel, views = samples.voxel[at], samples.views[at]
     remap = np.tile(np.array([[0.6, 0.3, symmetry % 2, 1.0]], np.float32), (len(at), 1))

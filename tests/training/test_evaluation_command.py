@@ -15,19 +15,14 @@ WORDS = ["--frames", "40", "--every", "4", "--size", "32", "24", "--processes", 
 
 
 @pytest.fixture(scope="module")
-def patch():
-    with pytest.MonkeyPatch.context() as context:
-        yield context
-
-
-@pytest.fixture(scope="module")
-def done(shells_path, tmp_path_factory, patch):
+def done(shells_path, tmp_path_factory):
     """Folder of an evaluation of one octree."""
     pytest.importorskip("matplotlib")
     out = tmp_path_factory.mktemp("evaluation")
-    patch.setattr(evaluate, "_COST_FRAMES", 1)
-    patch.setattr(evaluate, "_COST_REPEATS", 1)
-    assert main(["lab", "evaluate", str(shells_path), *WORDS, "--out", str(out)]) == 0
+    with pytest.MonkeyPatch.context() as context:
+        context.setattr(evaluate, "_COST_FRAMES", 1)
+        context.setattr(evaluate, "_COST_REPEATS", 1)
+        assert main(["lab", "evaluate", str(shells_path), *WORDS, "--out", str(out)]) == 0
     return out
 
 
@@ -108,7 +103,7 @@ def test_what_is_done_is_skipped_and_what_is_damaged_is_made_again(shells_path, 
         (["shells.safetensors", "--weights", "none.safetensors"], "none.safetensors"),
     ],
 )
-def test_what_cannot_be_evaluated_is_refused(words, message, shells_path, tmp_path, capsys, done, monkeypatch):
+def test_what_cannot_be_evaluated_is_refused(words, message, shells_path, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(shells_path.parent)
     assert main(["lab", "evaluate", *words, "--out", str(tmp_path / "out")]) == 2
     assert message in capsys.readouterr().err

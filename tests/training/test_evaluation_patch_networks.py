@@ -33,16 +33,11 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def given(folder):
-    """Words of --networks."""
-    files = zip(NETWORKS, ("shipped", "random-1", "random-2"), strict=True)
-    return [f"{name}={folder / file}" for name, file in files]
-
-
-@pytest.fixture(scope="module")
-def out(folder, given):
+def out(folder):
     """An evaluation with three networks."""
     pytest.importorskip("matplotlib")
+    files = zip(NETWORKS, ("shipped", "random-1", "random-2"), strict=True)
+    given = [f"{name}={folder / file}" for name, file in files]
     octrees = [str(folder / f"{name}.safetensors") for name in ("shells", "slats")]
     with pytest.MonkeyPatch.context() as context:
         context.setattr(evaluate, "_COST_FRAMES", 1)

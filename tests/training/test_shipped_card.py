@@ -32,16 +32,12 @@ def test_card_says_what_the_weights_say() -> None:
     metadata = weights.metadata
     assert weights.hash in CARD and metadata["command"] in CARD and metadata["versions"] in CARD
     assert f"{metadata['sample_passes']:,} sample passes in {metadata['steps']:,} steps" in CARD
-    assert rows("## How they were made") == [[name, str(value)] for name, value in stated_settings().items()]
+    settings = metadata["settings"]
+    stated = [[name, str(settings[name])] for name in TrainSettings.__dataclass_fields__ if name in settings]
+    assert rows("## How they were made") == stated
     assert [row[0] for row in learned()] == metadata["data"]
     assert {row[0]: row[8].strip("`") for row in learned()} == metadata["octrees"]
     assert f"Hash of the code: `{metadata['code']}`" in CARD
-
-
-def stated_settings() -> dict[str, object]:
-    """Settings in the order of `TrainSettings`, from the weights."""
-    settings = load_weights().metadata["settings"]
-    return {name: settings[name] for name in TrainSettings.__dataclass_fields__ if name in settings}
 
 
 def test_weights_are_of_the_preset() -> None:

@@ -68,13 +68,9 @@ def octree():
 
 
 @pytest.fixture(scope="module")
-def camera():
-    """From where rays stop at leaves and at inner voxels, and some miss."""
-    return Camera.look_at(np.array([1.9, -0.6, 1.3]), np.full(3, 0.5), size_px=(29, 25))
-
-
-@pytest.fixture(scope="module")
-def traced(octree, camera):
+def traced(octree):
+    """View from where rays stop at leaves and at inner voxels, and some miss."""
+    camera = Camera.look_at(np.array([1.9, -0.6, 1.3]), np.full(3, 0.5), size_px=(29, 25))
     buffers = drain(trace_view(octree, camera, [EVALUATED[name] for name in NEW]))
     leaf = buffers.hit & (octree.child_mask[buffers.hits.node] == 0)
     assert leaf.any() and (~leaf & buffers.hit).any() and (buffers.active & ~buffers.hit).any()
