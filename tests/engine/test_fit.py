@@ -12,12 +12,13 @@ from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, opacity_shade
-from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.references.first_hits import needed_levels_reference
 
 from .mesh_samples import even, in_batches, octree_of
 from .octree_samples import random_octree
+from .test_seen_cells import cameras
 
 
 def quad(origin, a, b):
@@ -54,17 +55,10 @@ def share_of(octree, camera):
     return octree.look_ahead()[hits.node[hits.hit]].mean()
 
 
-def cameras():
-    inside = Camera.look_at(np.array([0.5, 0.4, 0.45]), np.array([0.9, 0.2, 0.3]), size_px=(14, 10), name="inside")
-    far = Camera.look_at(np.array([2.0, -1.0, 1.0]), np.full(3, 0.5), size_px=(40, 30), name="far")
-    ortho = Camera(
-        np.array([0.5131, 0.4873, 2.0]), np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, 0, -1.0]),
-        0.6, 0.5, 24, 20, kind=ORTHOGRAPHIC, name="orthographic",
-    )  # fmt: skip
-    return [inside, far, ortho]
+INSIDE, FAR, PARALLEL = cameras(40, 30)
 
 
-@pytest.mark.parametrize("camera", cameras(), ids=lambda camera: camera.name)
+@pytest.mark.parametrize("camera", [INSIDE, FAR, PARALLEL], ids=["inside", "far", "orthographic"])
 @pytest.mark.parametrize(("block_level", "offsets"), [(2, FINE_OFFSETS), (4, FINE_OFFSETS), (4, FINE_OFFSETS[1:2])])
 def test_needed_levels_equal_the_reference(camera, block_level, offsets):
     octree = random_octree(seed=3, depth=6, count=500, adaptive=True)
@@ -77,7 +71,7 @@ def test_needed_levels_equal_the_reference(camera, block_level, offsets):
 
 
 def test_rays_that_lie_farther_apart_ask_for_what_pixels_ask_for():
-    octree, (_, camera, _) = random_octree(seed=3, depth=6, count=500, adaptive=True), cameras()
+    octree, camera = random_octree(seed=3, depth=6, count=500, adaptive=True), FAR
     counts = 8**4
     one, two, pixels = np.zeros(counts, np.uint8), np.zeros(counts, np.uint8), np.zeros(counts, np.uint32)
     drain(needed_levels(octree.nodes, octree.grid, camera, one, pixels))
@@ -88,7 +82,7 @@ def test_rays_that_lie_farther_apart_ask_for_what_pixels_ask_for():
 
 
 def test_rows_of_tiles_together_ask_for_what_the_picture_asks_for():
-    octree, (_, camera, _) = random_octree(seed=3, depth=6, count=500, adaptive=True), cameras()
+    octree, camera = random_octree(seed=3, depth=6, count=500, adaptive=True), FAR
     whole, parts = (np.zeros(8**4, np.uint8) for _ in range(2))
     pixels, counted = (np.zeros(8**4, np.uint32) for _ in range(2))
     drain(needed_levels(octree.nodes, octree.grid, camera, whole, pixels))

@@ -31,13 +31,7 @@ IMPORT_ALL = """
 import importlib, pkgutil, sys
 
 packages, blocked, skipped = (set(words.split(",")) for words in sys.argv[1:4])
-
-class Blocked:
-    def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in blocked:
-            raise ModuleNotFoundError(f"{name} is blocked", name=name)
-
-sys.meta_path.insert(0, Blocked())
+sys.modules.update(dict.fromkeys(blocked))  # none can be imported
 for package in map(importlib.import_module, packages):
     for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
         if not module.name.endswith("__main__") and not any(word and word in module.name for word in skipped):

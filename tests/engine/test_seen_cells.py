@@ -27,10 +27,10 @@ def leaf_keys(octree: Octree) -> dict[int, np.ndarray]:
     return found
 
 
-def cameras() -> list[Camera]:
+def cameras(width: int = 20, height: int = 15) -> list[Camera]:
     """Inside, far off, and with parallel rays."""
     inside = Camera.look_at(np.array([0.5, 0.4, 0.45]), np.array([0.9, 0.2, 0.3]), size_px=(14, 10))
-    far = Camera.look_at(np.array([2.0, -1.0, 1.0]), np.full(3, 0.5), size_px=(20, 15))
+    far = Camera.look_at(np.array([2.0, -1.0, 1.0]), np.full(3, 0.5), size_px=(width, height))
     return [inside, far, replace(far, kind=ORTHOGRAPHIC, half_x=0.6, half_y=0.45)]
 
 
