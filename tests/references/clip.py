@@ -40,20 +40,20 @@ def centroids(corners: np.ndarray, fragments: Fragments) -> np.ndarray:
 def clip_reference(corners_voxel: np.ndarray, resolution: int) -> dict[int, tuple[float, np.ndarray]]:
     """Cells that one triangle (3, 3), in leaf cells, shares area with.
 
-    Returns {Morton key: (share of the triangle's area, centroid as barycentric weights (3,))}.
+    Returns {Morton key: (share of the triangle's area, centroid as weights (2,) of its last two corners)}.
     A piece that lies in a face between two cells belongs to the upper one (half-open cells).
     """
     low = np.clip(np.floor(corners_voxel.min(axis=0)).astype(int), 0, resolution - 1)
     high = np.clip(np.floor(corners_voxel.max(axis=0)).astype(int), 0, resolution - 1)
     pieces = {}
     for cell, polygon in _cells_of(_whole(corners_voxel), low, high):
-        share, centroid = _share_and_centroid(polygon)
+        area, centroid = area_and_centroid(np.array([weights[1:] for _, weights in polygon]))
         upper_face = any(
             polygon and cell[axis] < high[axis] and all(point[axis] == cell[axis] + 1 for point, _ in polygon)
             for axis in range(3)
         )
-        if share > 0 and not upper_face:
-            pieces[int(morton_encode(np.array([cell]))[0])] = (share, centroid)
+        if area > 0 and not upper_face:
+            pieces[int(morton_encode(np.array([cell]))[0])] = (2.0 * area, centroid)
     return pieces
 
 
@@ -83,15 +83,14 @@ def _cells_of(polygon: list, low: np.ndarray, high: np.ndarray) -> Iterator[tupl
                 yield (x, y, z), _slab(in_xy, 2, z)
 
 
-def _share_and_centroid(polygon: list) -> tuple[float, np.ndarray]:
-    """Area relative to the whole triangle, and its centroid in barycentric weights."""
-    total, moment = 0.0, np.zeros(3)
-    for i in range(1, len(polygon) - 1):
-        a, b, c = polygon[0][1], polygon[i][1], polygon[i + 1][1]
-        share = abs((b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1]))
-        total += share
-        moment += share * (a + b + c) / 3
-    return total, moment / total if total > 0 else moment
+def area_and_centroid(points: np.ndarray) -> tuple[float, np.ndarray]:
+    """Area and centroid (2,) of a convex polygon (n, 2)."""
+    if len(points) < 3:
+        return 0.0, np.zeros(2)
+    around = points[1:] - points[0]
+    cross = np.abs(around[:-1, 0] * around[1:, 1] - around[1:, 0] * around[:-1, 1])
+    moment, total = (cross[:, None] * (around[:-1] + around[1:])).sum(axis=0) / 3.0, float(cross.sum())
+    return 0.5 * total, points[0] + (moment / total if total > 0.0 else 0.0)
 
 
 def half_space(polygon: list, axis: int, plane: float, sign: float) -> list:

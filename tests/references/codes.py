@@ -24,7 +24,7 @@ from patchnet.patchnet_addon.codes.outer_cells import _COLUMNS as _FIRST_COLUMN
 from patchnet.patchnet_addon.codes.outer_cells import _COUNT_BITS, _LOWER, _UPPER, OUTER_CELLS, SMALL, mask_geometry
 from patchnet.patchnet_addon.codes.prediction import Prediction
 from patchnet.patchnet_addon.codes.ray_frame import CELLS, SIDE, cell_order
-from patchnet.patchnet_addon.network.kinds import CHILDREN, CODE_SIZE, CORNERS, SIDE_BY_SIDE
+from patchnet.patchnet_addon.network.kinds import CHILDREN, CORNERS, SIDE_BY_SIDE
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from patchnet.patchnet_addon.tracing.hits import Hits
@@ -165,7 +165,6 @@ def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits)
     corner_codes = coded.codes[corners].astype(np.float32)
     entry, direction, up = (array[pixels].astype(np.float32) for array in (hits.entry_voxel, hits.direction, hits.up))
     ratio = hits.ratio[pixels].astype(np.float32)
-    shares = np.where(OCTANTS == 1, entry[:, None], 1 - entry[:, None]).prod(axis=-1)  # (M, 8)
     frames, axes, _ = ray_frames(direction)
     order = cell_order()[frames]  # (M, 64)
     fine, faces = _grandchildren(octree, node, direction)
@@ -177,7 +176,7 @@ def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits)
     around = outer_cells_reference(cells, entry, direction, up, ratio)
     outer_covered, outer_light = (_in_ray_order(values, order)[:, OUTER_CELLS] for values in around)
     return MixtureInputs(
-        codes=np.einsum("mo,moc->mc", shares, corner_codes).reshape(-1, CODE_SIZE),
+        codes=interpolate_codes_reference(coded, coded.rows_of(node), entry).astype(np.float32),
         corner_codes=corner_codes[:, :, :SIDE_BY_SIDE],
         direction=direction,
         up=up,

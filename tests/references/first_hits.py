@@ -75,14 +75,14 @@ def first_hits_reference(
     cell = np.zeros((len(x), 3), np.int64)
     for level in range(octree.depth + 1):
         size = 0.5**level
-        enter, leave = _box_interval(origin[ray], inverse[ray], cell * size, size)
+        enter, leave = box_interval(origin[ray], inverse[ray], cell * size, size)
         met = (enter < leave) & (leave > start[ray])
         ray, node, cell, enter = ray[met], node[met], cell[met], np.maximum(enter[met], start[ray[met]])
         pixel = side_at_0 + side_per_z * enter * speed[ray]
         stops = (octree.child_mask[node] == 0) | fits_pixel_of(size, pixel)
         if octree.leaf_box is not None and level == octree.depth:
             low, high = box_bounds(octree.leaf_box[node - octree.level_start[level]])
-            enter, leave = _box_interval(origin[ray], inverse[ray], (cell + low) * size, (high - low) * size)
+            enter, leave = box_interval(origin[ray], inverse[ray], (cell + low) * size, (high - low) * size)
             enter = np.maximum(enter, start[ray])
             stops = enter < leave
         for r, n, t in zip(ray[stops], node[stops], enter[stops], strict=True):
@@ -103,15 +103,18 @@ def supersampled_reference(octree: Octree, camera: Camera, side: int) -> tuple[n
     return luminance / side**2, colors / side**2
 
 
-def _box_interval(
+def box_interval(
     origin: np.ndarray, inverse: np.ndarray, low: np.ndarray, size: np.ndarray | float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ray parameters at which rays (N, 3) enter and leave the boxes from low to low + size."""
+    """Ray parameters (...,) at which rays enter and leave the boxes from low (..., 3) to low + size.
+
+    inverse: 1 / direction.
+    """
     with np.errstate(invalid="ignore"):
         a, b = (low - origin) * inverse, (low + size - origin) * inverse
     near = np.nan_to_num(np.minimum(a, b), nan=-np.inf)
     far = np.nan_to_num(np.maximum(a, b), nan=np.inf)
-    return near.max(axis=1), far.min(axis=1)
+    return near.max(axis=-1), far.min(axis=-1)
 
 
 def _children(

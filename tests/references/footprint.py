@@ -9,7 +9,7 @@ import numpy as np
 
 from patchnet.patchnet_addon.surface.footprint import CUT_PARTS, MAX_SQUARES, SMALL, SOFT_PARTS
 from patchnet.patchnet_addon.surface.textures import CUT_SAMPLES
-from patchnet.tests.references.clip import half_space
+from patchnet.tests.references.clip import area_and_centroid, half_space
 
 
 def wrapped_reference(index: np.ndarray, size: int, wrap: str) -> tuple[np.ndarray, np.ndarray]:
@@ -46,7 +46,7 @@ def footprint_reference(
     """
     soft = threshold is None
     if soft and (np.ptp(outline, axis=0) * levels[0].shape[1::-1]).max() <= SMALL:
-        value = bilinear_reference(levels[0], _centroid(outline)[None], wrap)[0]
+        value = bilinear_reference(levels[0], area_and_centroid(outline)[1][None], wrap)[0]
         return float(value[0]), float(value[1])
     parts = SOFT_PARTS if soft else CUT_PARTS
     rasters = [(0, parts >> shift) for shift in range(parts.bit_length())] + [(i, 0) for i in range(1, len(levels))]
@@ -92,7 +92,7 @@ def _area_in_square(outline: np.ndarray, square: tuple[int, int], first: np.ndar
             polygon = half_space(polygon, axis, square[axis], +1.0)
         if square[axis] < last[axis]:
             polygon = half_space(polygon, axis, square[axis] + 1, -1.0)
-    return abs(_signed_area(np.array([point for point, _ in polygon]).reshape(-1, 2)))
+    return area_and_centroid(np.array([point for point, _ in polygon]))[0]
 
 
 def _square(
@@ -115,17 +115,3 @@ def _cut(values: np.ndarray, threshold: float | None) -> np.ndarray:
     kept = (values[:, 1] >= threshold) & (values[:, 1] > 0)
     luminance = values[:, 0] / np.where(kept, values[:, 1], 1.0)
     return np.stack([np.where(kept, luminance, 0.0), kept], axis=1)
-
-
-def _signed_area(points: np.ndarray) -> float:
-    if len(points) < 3:
-        return 0.0
-    x, y = (points - points[0]).T
-    return 0.5 * float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
-
-
-def _centroid(points: np.ndarray) -> np.ndarray:
-    """Centre of area (2,) of a convex outline."""
-    around = points - points[0]
-    cross = around[:-1, 0] * around[1:, 1] - around[1:, 0] * around[:-1, 1]
-    return points[0] + (cross[:, None] * (around[:-1] + around[1:])).sum(axis=0) / (3.0 * cross.sum())

@@ -8,6 +8,7 @@ import numpy as np
 from patchnet.patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRays
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+from patchnet.tests.references.first_hits import box_interval
 from patchnet.tests.references.lookups import box_bounds, brick_nodes
 from patchnet.tests.references.sides import luminance_reference
 
@@ -45,10 +46,8 @@ def _seen(octree: Octree, rays: PatchRays, group: int, ray: int, lookahead: int)
     low, high, luminance = low[near], high[near], luminance[near]
     if len(low) == 0:
         return 0.0, 0.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        first = (low - origin[:, None]) / direction
-        second = (high - origin[:, None]) / direction
-    enter, leave = np.minimum(first, second).max(2), np.maximum(first, second).min(2)
+    with np.errstate(divide="ignore"):
+        enter, leave = box_interval(origin[:, None], 1.0 / direction, low, high - low)
     enter = np.where(enter <= leave, enter, np.inf)
     hit = np.isfinite(enter).any(1)
     return float(hit.mean()), float(luminance[enter.argmin(1)][hit].mean()) if hit.any() else 0.0

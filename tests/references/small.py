@@ -14,6 +14,7 @@ from patchnet.patchnet_addon.sampling.plus.features import HIGHEST, LOWEST, feat
 from patchnet.patchnet_addon.sampling.plus.forms import FORMS, Form
 from patchnet.patchnet_addon.sampling.plus.weights import Estimators, Network, layer_sizes
 from patchnet.patchnet_addon.surface.chroma import GRAY_SHARE, SHARE_SCALE
+from patchnet.tests.references.networks import run_layers
 
 
 def boxes_reference(points: np.ndarray) -> np.ndarray:
@@ -44,11 +45,8 @@ def estimate_reference(planes: np.ndarray, estimators: Estimators, form: Form) -
     planes: (C, H + 2, W + 2), the form's planes with a border.
     """
     values, scale = features_of(windows_of(planes), form)
-    (*hidden, (matrix, bias)), skip = estimators.networks[form.name]
-    direct = skip @ values
-    for weight, offset in hidden:
-        values = np.maximum(weight @ values + offset[:, None], 0)
-    variance, mean = matrix @ values + bias[:, None]
+    layers, skip = estimators.networks[form.name]
+    (variance, mean), direct = run_layers(layers, values.T).T, skip @ values
     result: np.ndarray = np.sqrt(scale * ((mean + direct) ** 2 + np.exp(np.clip(variance, LOWEST, HIGHEST))))
     return result
 

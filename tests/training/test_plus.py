@@ -12,13 +12,13 @@ from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import PatchNetError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS
 from patchnet.patchnet_addon.sampling.plus.features import features_of
 from patchnet.patchnet_addon.sampling.plus.forms import FORMS, Plane
 from patchnet.patchnet_addon.sampling.plus.weights import estimators_of, load_estimators
-from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.tests.engine.test_plus import ALL
+from patchnet.tests.references.networks import run_layers
 from patchnet.training.commands import main
 from patchnet.training.plus.frames import SYMMETRIES, PixelTable, symmetries
 
@@ -27,7 +27,6 @@ torch = pytest.importorskip("torch")
 from patchnet.training.plus.train import FormLearner, PlusSettings, train_plus  # noqa: E402
 from patchnet.training.run.trainer import RunOptions  # noqa: E402
 
-ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)
 WORDS = ["--frames", "8", "--every", "1", "--size", "48", "40", "--rays", "4", "--batch", "256", "--pixels", "200"]
 
 
@@ -72,11 +71,8 @@ def test_network_says_what_was_learnt(table):
         expected = learner._outputs(inputs).numpy()
     layers, skip = learner.network()
     values = features.astype(np.float64)
-    direct = skip @ values
-    for matrix, bias in layers[:-1]:
-        values = np.maximum(matrix @ values + bias[:, None], 0)
-    variance, mean = layers[-1][0] @ values + layers[-1][1][:, None]
-    np.testing.assert_allclose((mean + direct) ** 2 + np.exp(variance), expected, rtol=1e-3, atol=1e-5)
+    variance, mean = run_layers(layers, values.T).T
+    np.testing.assert_allclose((mean + skip @ values) ** 2 + np.exp(variance), expected, rtol=1e-3, atol=1e-5)
 
 
 def test_command_learns_the_same_again(shells_path, tmp_path, capsys):
