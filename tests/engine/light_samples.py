@@ -2,6 +2,7 @@
 """Surfaces with sheets, what cameras see of them, their surfels, and light that was baked on these."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from patchnet.patchnet_addon.light.light_cells import SurfelSums, SurfelSurface
 from patchnet.patchnet_addon.light.seen_cells import SeenCells, all_cells
@@ -33,10 +34,15 @@ def random_surface(seed: int, cuts: tuple[int, ...] = (17, 40)) -> tuple[Triangl
     return TriangleMesh(in_batches(corners, cuts)), sheets_on(corners, sheet, lit)
 
 
-def sheets_on(corners: np.ndarray, sheet: np.ndarray, lit: np.ndarray | int) -> Sheets:
+def sheets_on(corners: np.ndarray, sheet: ArrayLike = 0, lit: ArrayLike = 0) -> Sheets:
     """Sheets of triangles (T, 3, 3) with numbers (T,) and lit sides (T,), or one for all."""
-    lit = np.broadcast_to(lit, len(corners)).astype(np.int8)
-    return Sheets(np.asarray(sheet, np.int32), lit, faces_of(triangle_areas_and_normals(corners)[1]))
+    count, faces = len(corners), faces_of(triangle_areas_and_normals(corners)[1])
+    return Sheets(np.resize(sheet, count).astype(np.int32), np.resize(lit, count).astype(np.int8), faces)
+
+
+def sheet_surface(corners: np.ndarray, sheet: ArrayLike = 0, lit: ArrayLike = 0) -> tuple[TriangleMesh, Sheets]:
+    """Surface of triangles (T, 3, 3) and their sheets, see `sheets_on`."""
+    return TriangleMesh.from_arrays(corners), sheets_on(corners, sheet, lit)
 
 
 def random_layout(seed: int) -> LeafLevels:

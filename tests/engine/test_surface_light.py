@@ -42,7 +42,7 @@ from patchnet.patchnet_addon.surface.triangles import triangle_areas_and_normals
 from patchnet.tests.references.clip import centroids, each_fragment, parts_of
 from patchnet.tests.references.surfels import Cell, Place, face_reference, key_of, lookup_reference
 
-from .light_samples import FLAT_GRID, NO_EYES, partly_seen, random_layout, random_surface, sheets_on, sums_of
+from .light_samples import FLAT_GRID, NO_EYES, partly_seen, random_layout, random_surface, sheet_surface, sums_of
 from .mesh_samples import box, even, square
 
 GRID = Grid((0.0, 0.0, 0.0), 1.0, 5)
@@ -99,7 +99,7 @@ def test_the_back_of_a_leaf_is_not_the_front_of_another() -> None:
     Coarse light cells hold both, and they face alike.
     """
     corners = np.concatenate([square(0.32), square(0.30)[:, ::-1]])  # the inner one's back faces up
-    source, sheets = TriangleMesh.from_arrays(corners), sheets_on(corners, np.zeros(4), 0)
+    source, sheets = sheet_surface(corners)
     clipped, nothing = ClippedSurface(source, FLAT_GRID), np.empty(0, np.uint64)
     seen = SeenCells(nothing, np.empty(0, np.int64), np.empty(0, np.float32))
     surfels = drain(choose_surfels(clipped, even(), sheets, seen, NO_EYES))
@@ -215,7 +215,7 @@ def test_the_side_that_counts(
 def test_a_rotated_surface_has_the_light_of_the_upright_one(seed: int) -> None:
     """Light of a cell is the first coordinate of its centre, and differs from face to face."""
     corners = box((0.13, 0.22, 0.31), (0.83, 0.77, 0.69))
-    source, sheets = TriangleMesh.from_arrays(corners), sheets_on(corners, np.zeros(12), 1)
+    source, sheets = sheet_surface(corners, lit=1)
     cells: dict[Place, Cell] = {}
     normals = triangle_areas_and_normals(next(source.batches()).corners_world)[1]
     for _, fragments, _, key, t in each_fragment(ClippedSurface(source, GRID)):

@@ -21,7 +21,6 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import limit_threads
-from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.surface.sides import BACK, FRONT
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.tests.references.clip import each_fragment
@@ -34,7 +33,7 @@ from .light_samples import (
     partly_seen,
     random_layout,
     random_surface,
-    sheets_on,
+    sheet_surface,
     surfels_of,
 )
 from .mesh_samples import box, even, square
@@ -95,10 +94,7 @@ def test_the_choice_does_not_depend_on_the_division_of_the_work(way: str, monkey
 def test_more_surfels_than_the_first_table_has_room_for() -> None:
     """Tables grow while a part is entered: a second square in the same leaves adds its area, and no surfels."""
     grid, squares = replace(FLAT_GRID, depth=9), (square(0.3), np.concatenate([square(0.3), square(0.3)]))
-    once, twice = (
-        surfels_of(TriangleMesh.from_arrays(corners), sheets_on(corners, np.zeros(len(corners)), 0), grid=grid)
-        for corners in squares
-    )
+    once, twice = (surfels_of(*sheet_surface(corners), grid=grid) for corners in squares)
     assert len(once) == len(twice) > 1 << 16
     for surfels, area in ((once, 0.64), (twice, 1.28)):
         fine = surfels["pixels"] > 0.0
@@ -120,8 +116,7 @@ def test_more_surfels_than_the_first_table_has_room_for() -> None:
 )
 def test_sides(lit: int, eyes: list | np.ndarray, fine: set[int], coarse: set[int]) -> None:
     """A square that faces up, among eyes above and below it: position and 1, or direction and 0."""
-    sheets = sheets_on(square(0.3), np.zeros(2), lit)
-    surfels = surfels_of(TriangleMesh.from_arrays(square(0.3)), sheets, eyes=np.array(eyes).reshape(-1, 4))
+    surfels = surfels_of(*sheet_surface(square(0.3), 0, lit), eyes=np.array(eyes).reshape(-1, 4))
     is_fine = surfels["pixels"] > 0.0
     assert set(surfels["side"][is_fine].tolist()) == fine and set(surfels["side"][~is_fine].tolist()) == coarse
     np.testing.assert_array_equal(surfels["face"], np.where(surfels["side"] == FRONT, 4, 5))
@@ -135,8 +130,7 @@ def test_surface_far_off_shows_pixels(stop: int, wanted: int, pixels: float) -> 
     """Rays may end in voxels of any level, and their pixels need cells above the coarse ones, which are of level 2."""
     if stop < wanted:
         return
-    corners = square(0.3)
-    source, sheets = TriangleMesh.from_arrays(corners), sheets_on(corners, np.zeros(2), 0)
+    source, sheets = sheet_surface(square(0.3))
     clipped = ClippedSurface(source, FLAT_GRID)
     keys = np.unique(drain(leaf_keys_of(clipped, even()))[6] >> np.uint64(3 * (6 - stop)))
     seen = SeenCells(cells_of(keys, stop), np.full(len(keys), wanted), np.full(len(keys), 16.0, np.float32))
@@ -152,11 +146,7 @@ def test_surface_far_off_shows_pixels(stop: int, wanted: int, pixels: float) -> 
 @pytest.mark.parametrize("depth", [1, 2, 3])
 def test_flat_octrees(depth: int) -> None:
     """Light cells are above the leaves and below the root, which is the coarse one of all; they show pixels."""
-    surfels = surfels_of(
-        TriangleMesh.from_arrays(square(0.3)),
-        sheets_on(square(0.3), np.zeros(2), 0),
-        grid=replace(FLAT_GRID, depth=depth),
-    )
+    surfels = surfels_of(*sheet_surface(square(0.3)), grid=replace(FLAT_GRID, depth=depth))
     level, shown = (surfels["cell"] & np.uint64(31)).astype(int), surfels["pixels"] > 0.0
     assert set(level.tolist()) == {0, depth - 1} and set(level[shown].tolist()) == {depth - 1}
     for kind in (shown, level == 0):
@@ -166,9 +156,7 @@ def test_flat_octrees(depth: int) -> None:
 @pytest.mark.parametrize("size", [1e-25, 1e-9, 1.0, 1e12])
 def test_surfels_of_any_size(size: float) -> None:
     """Ranks of areas that single precision cannot hold are none, and not those of an empty row."""
-    corners = size * square(0.3)
-    grid = Grid((0.0, 0.0, 0.0), size, 6)
-    surfels = surfels_of(TriangleMesh.from_arrays(corners), sheets_on(corners, np.zeros(2), 0), grid=grid)
+    surfels = surfels_of(*sheet_surface(size * square(0.3)), grid=Grid((0.0, 0.0, 0.0), size, 6))
     assert len(surfels) == 2 * (26 * 26 + 4 * 4) and len(np.unique(surfels["cell"])) == 26 * 26 + 4 * 4
     assert surfels["id"].all() and set(surfels["triangle"].tolist()) == {0, 1} and (surfels["one"] > 0.0).all()
 
@@ -182,7 +170,7 @@ def test_eyes_of_cameras() -> None:
 
 def test_faces_of_a_box_are_apart() -> None:
     corners = box((0.2, 0.2, 0.2), (0.7, 0.7, 0.7))
-    surfels = surfels_of(TriangleMesh.from_arrays(corners), sheets_on(corners, np.zeros(12), 1))
+    surfels = surfels_of(*sheet_surface(corners, lit=1))
     edges = corners[:, 1:] - corners[:, :1]
     faces = [face_reference(normal) for normal in np.cross(edges[:, 0], edges[:, 1])]
     assert surfels["face"].tolist() == [faces[triangle] for triangle in surfels["triangle"]]
@@ -193,7 +181,7 @@ def test_cells_have_few_sheets() -> None:
     """Twice as many squares above each other in each cell as sheets may have surfels."""
     count = 2 * MOST_SHEETS
     corners = np.concatenate([square(0.3 + 0.001 * i) for i in range(count)])
-    surfels = surfels_of(TriangleMesh.from_arrays(corners), sheets_on(corners, np.repeat(np.arange(count), 2), 1))
+    surfels = surfels_of(*sheet_surface(corners, np.repeat(np.arange(count), 2), 1))
     places = np.unique(surfels[["cell", "sheet"]])
     assert (np.unique(places["cell"], return_counts=True)[1] == MOST_SHEETS).all()
     kept = np.unique(places["sheet"], return_counts=True)[1]
@@ -207,8 +195,7 @@ def test_chances_are_in_proportion_to_area_times_opacity() -> None:
     large = np.array([(0.05, 0.05, 0.2), (0.95, 0.05, 0.2), (0.05, 0.95, 0.2)]) * side
     small = large * [1.0 / 6.0, 1.0, 2.0] + [0.01 * side, 0.0, 0.0]
     corners = np.concatenate([low + small, low + large])
-    source = TriangleMesh.from_arrays(corners)
-    surfels = surfels_of(source, sheets_on(corners, np.zeros(1800), 1), even(1.0, np.repeat([1.0, 0.5], 900)))
+    surfels = surfels_of(*sheet_surface(corners, lit=1), even(1.0, np.repeat([1.0, 0.5], 900)))
     fine = surfels[surfels["pixels"] > 0.0]
     assert len(fine) == 900
     # Four standard deviations of 900 draws; the seed is the hash.
@@ -230,7 +217,7 @@ def test_cameras_that_see_more_leave_other_cells_as_they_are() -> None:
 def test_each_cell_has_one_surfel_of_each_face_and_sheet() -> None:
     """Two squares, whose coarse cells are those of 16 x 16 leaves, and the fine ones those of 2 x 2."""
     corners = np.concatenate([square(0.3), square(0.301)])
-    surfels = surfels_of(TriangleMesh.from_arrays(corners), sheets_on(corners, [0, 0, 1, 1], 0))
+    surfels = surfels_of(*sheet_surface(corners, [0, 0, 1, 1]))
     level = (surfels["cell"] & np.uint64(31)).astype(int)
     up = FLAT_GRID.depth - level
     assert set(up.tolist()) == {1, COARSE}
