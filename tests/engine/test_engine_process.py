@@ -21,7 +21,7 @@ from patchnet.patchnet_addon.process.segments import segment_of
 from patchnet.patchnet_addon.runtime import threads
 from patchnet.patchnet_addon.runtime.compiling import NOTE
 from patchnet.patchnet_addon.runtime.errors import EngineGoneError, SettingError
-from patchnet.patchnet_addon.runtime.progress import Progress, drain
+from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
 from patchnet.tests.engine import process_work as work
 from patchnet.tests.engine.octree_samples import random_octree
 
@@ -171,17 +171,22 @@ def test_closing_stops_after_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
     assert engine_pid() == pid, "a short step ends by itself"
 
 
-@pytest.mark.usefixtures("engine")
-def test_a_long_step_is_killed() -> None:
-    answer(len, [])
-    pid, steps = engine_pid(), computed(work.asleep, 60.0, at=AT)
-    for _ in range(20):
-        next(steps)
-    begun = time.monotonic()
+def assert_killed(steps: Steps[object]) -> None:
+    """Close steps that the engine cannot end soon."""
+    begun, pid = time.monotonic(), engine_pid()
     steps.close()
     settle()
     assert time.monotonic() - begun < 2.0, "0.2 s, beside other processes"
     assert pid is not None and not is_running(pid)
+
+
+@pytest.mark.usefixtures("engine")
+def test_a_long_step_is_killed() -> None:
+    answer(len, [])
+    steps = computed(work.asleep, 60.0, at=AT)
+    for _ in range(20):
+        next(steps)
+    assert_killed(steps)
     begun = time.monotonic()
     assert answer(len, [1]) == 1
     assert time.monotonic() - begun < 5.0, "0.1 s, beside other processes"
@@ -193,11 +198,7 @@ def test_a_compiling_step_is_killed(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # no kernels are copied from there
     steps = computed(encode_octree, random_octree(), load_weights(), at=AT)
     assert any(report.note == NOTE for report in steps)
-    begun, pid = time.monotonic(), engine_pid()
-    steps.close()
-    settle()
-    assert time.monotonic() - begun < 2.0, "0.2 s, beside other processes"
-    assert pid is not None and not is_running(pid)
+    assert_killed(steps)
 
 
 @pytest.mark.usefixtures("engine")

@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.lod.fit import fit_leaf_levels, lookahead_share, ne
 from patchnet.patchnet_addon.lod.stops import FINE_OFFSETS
 from patchnet.patchnet_addon.network.weights import Weights, load_weights, network
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileError
+from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.files import write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
@@ -96,14 +96,6 @@ def test_weights_file_that_does_not_say_looks_two_levels_ahead(tmp_path):
     write_arrays(path, Weights.random().arrays(), {"network": stated}, "weights")
     assert load_weights(path).lookahead == 2
     assert load_weights().lookahead == 2  # the shipped weights, which do say
-
-
-@pytest.mark.parametrize("stated", [4, None])
-def test_unknown_look_ahead_of_a_weights_file(stated, tmp_path):
-    path = tmp_path / "w.safetensors"
-    write_arrays(path, Weights.random().arrays(), {"network": {**network(2), "look_ahead": stated}}, "weights")
-    with pytest.raises(WeightsFileError, match=r"its 'look_ahead' is .* one of 1, 2, 3"):
-        load_weights(path)
 
 
 @pytest.mark.parametrize("lookahead", LOOKAHEADS)

@@ -13,11 +13,8 @@ from patchnet.patchnet_addon.runtime.files import write_arrays
 from patchnet.tests.references.networks import MixtureInputs, decode_mixture
 
 COUNT = 1000
-
-
-@pytest.fixture(scope="module")
-def weights():
-    return Weights.random(seed=5, bias=0.1)
+WEIGHTS = Weights.random(seed=5, bias=0.1)
+PLAIN = WEIGHTS.arrays()
 
 
 @pytest.fixture(scope="module", params=[48, 78])
@@ -53,31 +50,40 @@ def test_mixture_with_torch(mixture):
     np.testing.assert_allclose(outputs[:, 1], luminance, atol=1e-4)
 
 
-def test_weights_file(weights, tmp_path):
+def test_weights_file(tmp_path):
     path = tmp_path / "w.safetensors"
-    save_weights(Weights(weights.encoder, weights.decoder, {"data": "test"}), path)
+    save_weights(Weights(WEIGHTS.encoder, WEIGHTS.decoder, {"data": "test"}), path)
     loaded = load_weights(path)
-    assert loaded.hash == weights.hash
+    assert loaded.hash == WEIGHTS.hash
     assert loaded.metadata == {"data": "test"}
     assert Weights.random(1).hash != Weights.random(2).hash
 
 
 @pytest.mark.parametrize(
-    ("change", "sentence"),
+    ("arrays", "stated", "sentence"),
     [
-        (lambda arrays: arrays.pop("decoder.2.bias"), r"another network: it lacks 'decoder\.2\.bias'"),
-        (lambda arrays: arrays.update({"encoder.0.weight": np.zeros((256, 320), np.float32)}), "shape"),
-        (lambda arrays: arrays.update({"encoder.1.bias": np.full(256, np.nan, np.float32)}), "not finite"),
-        (lambda arrays: arrays.update({"encoder.1.bias": np.zeros(256)}), "float64"),
+        (
+            {name: array for name, array in PLAIN.items() if name != "decoder.2.bias"},
+            network(2),
+            r"belongs to another network: it lacks 'decoder\.2\.bias'",
+        ),
+        (PLAIN | {"encoder.0.weight": np.zeros((256, 320), np.float32)}, network(2), "shape"),
+        (PLAIN | {"encoder.1.bias": np.full(256, np.nan, np.float32)}, network(2), "not finite"),
+        (PLAIN | {"encoder.1.bias": np.zeros(256)}, network(2), "float64"),
+        (PLAIN, {}, "belongs to another network: its 'patch'"),
+        (PLAIN, network(2) | {"look_ahead": 3}, "belongs to another network: its 'patch'"),
+        *((PLAIN, network(2) | {"look_ahead": other}, "its 'look_ahead' is .* one of 1, 2, 3") for other in (4, None)),
     ],
 )
-def test_unusable_weights(weights, tmp_path, change, sentence):
-    path = tmp_path / "bad.safetensors"
-    arrays = weights.arrays()
-    change(arrays)
-    write_arrays(path, arrays, {"network": network(2)}, "weights")
+def test_unusable_weights(arrays, stated, sentence, tmp_path):
+    assert_refused(arrays, stated, sentence, tmp_path)
+
+
+def assert_refused(arrays, stated, sentence, tmp_path):
+    """Weights of a network that a file describes otherwise."""
+    write_arrays(tmp_path / "bad.safetensors", arrays, {"network": stated}, "weights")
     with pytest.raises(WeightsFileError, match=rf"bad\.safetensors.*{sentence}"):
-        load_weights(path)
+        load_weights(tmp_path / "bad.safetensors")
 
 
 def test_file_says_the_kind_of_network(mixture, tmp_path):
@@ -85,24 +91,13 @@ def test_file_says_the_kind_of_network(mixture, tmp_path):
     save_weights(mixture, path)
     loaded = load_weights(path)
     assert loaded.kind == mixture.kind and loaded.kind.name == MIXTURE.name and loaded.hash == mixture.hash
-    write_arrays(path, mixture.arrays(), {"network": network(2, MIXTURE) | {"kind": "oracle"}}, "weights")
-    with pytest.raises(WeightsFileError, match="its 'kind' is 'oracle' where this one has one of paper, mixture"):
-        load_weights(path)
-    write_arrays(path, mixture.arrays(), {"network": network(2)}, "weights")
-    with pytest.raises(WeightsFileError, match="shape"):
-        load_weights(path)
+    wrong = network(2, MIXTURE) | {"kind": "oracle"}
+    sentence = "its 'kind' is 'oracle' where this one has one of paper, mixture"
+    assert_refused(mixture.arrays(), wrong, sentence, tmp_path)
+    assert_refused(mixture.arrays(), network(2), "shape", tmp_path)
     odd = Weights.random(kind=MIXTURE.of_width(50)).arrays()
-    write_arrays(path, odd, {"network": network(2, MIXTURE)}, "weights")
-    with pytest.raises(WeightsFileError, match=r"shape \(50,\) where decoders have a multiple of 6 numbers, 6 to 78"):
-        load_weights(path)
-
-
-@pytest.mark.parametrize("stated", [{}, {**network(2), "look_ahead": 3}])
-def test_weights_of_another_network(weights, tmp_path, stated):
-    path = tmp_path / "other.safetensors"
-    write_arrays(path, weights.arrays(), {"network": stated}, "weights")
-    with pytest.raises(WeightsFileError, match=r"other\.safetensors belongs to another network: its 'patch'"):
-        load_weights(path)
+    sentence = r"shape \(50,\) where decoders have a multiple of 6 numbers, 6 to 78"
+    assert_refused(odd, network(2, MIXTURE), sentence, tmp_path)
 
 
 def _real_from_complex(degree, order, polar, azimuth):

@@ -59,16 +59,15 @@ def test_file_says_the_encoder(kind, tmp_path):
     save_weights(weights, path)
     loaded = load_weights(path)
     assert loaded.encoder_kind is kind and loaded.kind is MIXTURE and loaded.hash == weights.hash
-    write_arrays(path, weights.arrays(), {"network": network(1, MIXTURE, kind) | {"encoder": "unet"}}, "weights")
-    with pytest.raises(WeightsFileError, match="its 'encoder' is 'unet' where this one has one of mlp, conv3d, vox"):
-        load_weights(path)
-    write_arrays(path, weights.arrays(), {"network": network(1, MIXTURE, MLP)}, "weights")
-    with pytest.raises(WeightsFileError, match="shape"):
-        load_weights(path)
-    other = network(1, MIXTURE, kind) | {"encoder_layers": "of somebody else"}
-    write_arrays(path, weights.arrays(), {"network": other}, "weights")
-    with pytest.raises(WeightsFileError, match="its 'encoder_layers' is 'of somebody else'"):
-        load_weights(path)
+    own = network(1, MIXTURE, kind)
+    for stated, sentence in (
+        (own | {"encoder": "unet"}, "its 'encoder' is 'unet' where this one has one of mlp, conv3d, vox"),
+        (own | {"encoder_layers": "of somebody else"}, "its 'encoder_layers' is 'of somebody else'"),
+        (network(1, MIXTURE, MLP), "shape"),
+    ):
+        write_arrays(path, weights.arrays(), {"network": stated}, "weights")
+        with pytest.raises(WeightsFileError, match=sentence):
+            load_weights(path)
 
 
 @pytest.mark.parametrize("width", [64, 320])
