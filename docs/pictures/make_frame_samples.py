@@ -107,7 +107,7 @@ def _by_priority(coded: CodedOctree, camera: Camera) -> np.ndarray:
     picture = AdaptivePicture(coded.octree, camera, STRATEGIES[DEFAULT], coded)
     drain(picture.trace())
     drain(picture.refine(budget, refined=JobSettings().view.refined_samples))
-    return picture.colors
+    return picture.values[:, :3]
 
 
 def _even(coded: CodedOctree, camera: Camera, side: int, finer: int) -> np.ndarray:

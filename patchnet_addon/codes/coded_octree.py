@@ -35,14 +35,6 @@ class CodedOctree:
         """Number K of voxels with codes."""
         return len(self.corner_rows)
 
-    def rows_of(self, nodes: np.ndarray) -> np.ndarray:
-        """Rows (...,) int64 in `corner_rows` of nodes (...,), -1 for nodes without look-ahead and for node -1."""
-        bits = np.unpackbits(self.nodes.bits.view(np.uint8), bitorder="little").astype(bool)
-        rows = np.append(np.where(bits, np.cumsum(bits) - 1, -1), -1)
-        wanted = np.asarray(nodes, np.int64)
-        found: np.ndarray = rows[np.where((wanted >= 0) & (wanted < len(rows)), wanted, -1)]
-        return found
-
     @property
     def nbytes(self) -> int:
         """Bytes of the codes and their index, which takes about 12 per coded voxel."""

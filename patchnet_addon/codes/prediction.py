@@ -24,8 +24,3 @@ class Prediction:
     def __getitem__(self, pixels: np.ndarray) -> Prediction:
         """Prediction for pixels by index (N,)."""
         return Prediction(self.coverage[pixels], self.luminance[pixels], self.look_ahead[pixels])
-
-    def __setitem__(self, pixels: np.ndarray, found: Prediction) -> None:
-        """Replace the prediction of pixels by index (N,)."""
-        self.coverage[pixels], self.luminance[pixels] = found.coverage, found.luminance
-        self.look_ahead[pixels] = found.look_ahead

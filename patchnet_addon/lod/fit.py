@@ -250,13 +250,18 @@ def _within(
 
 def leaf_keys_of(clipped: ClippedSurface, shade: ShadingFn) -> Steps[dict[int, np.ndarray]]:
     """Ascending keys of the leaves on each level."""
-    passes = yield from labelled(voxelize(clipped, shade, _keys_of, detail=LeafDetail(only_keys=True)), LABEL)
-    levels = sorted({level for keys in passes for level in keys})
-    return {level: np.concatenate([keys[level] for keys in passes if level in keys]) for level in levels}
+    return _keys((yield from labelled(_leaves_by_level(clipped, shade), LABEL)))
 
 
-def _keys_of(leaves: list[LeafSums], _block_level: int) -> dict[int, np.ndarray]:
-    return {part.level: part.keys for part in leaves}
+def _leaves_by_level(clipped: ClippedSurface, shade: ShadingFn) -> Steps[dict[int, list[LeafSums]]]:
+    """Leaves on each level, coarse first, of the parts of space in order."""
+    parts = yield from voxelize(clipped, shade, lambda leaves, _: leaves, detail=LeafDetail(only_keys=True))
+    levels = sorted({part.level for leaves in parts for part in leaves})
+    return {level: [part for leaves in parts for part in leaves if part.level == level] for level in levels}
+
+
+def _keys(by_level: dict[int, list[LeafSums]]) -> dict[int, np.ndarray]:
+    return {level: np.concatenate([part.keys for part in own]) for level, own in by_level.items()}
 
 
 class Leaves(NamedTuple):
@@ -268,19 +273,13 @@ class Leaves(NamedTuple):
 
 def leaves_of(clipped: ClippedSurface, shade: ShadingFn) -> Steps[Leaves]:
     """Leaves of a surface."""
-    parts = yield from voxelize(clipped, shade, _parts_of, detail=LeafDetail(only_keys=True))
-    levels = sorted({part.level for leaves in parts for part in leaves})
-    if not levels:
+    by_level = yield from _leaves_by_level(clipped, shade)
+    if not by_level:
         raise GeometryError("No opaque surface is left to voxelize: all triangles are fully transparent")
-    by_level = {level: [part for leaves in parts for part in leaves if part.level == level] for level in levels}
-    keys = {level: np.concatenate([part.keys for part in own]) for level, own in by_level.items()}
-    boxes = np.concatenate([part.boxes for part in by_level[levels[-1]] if part.boxes is not None])
-    child_mask, first_child = hierarchy(keys, levels[-1])
+    keys, depth = _keys(by_level), max(by_level)
+    boxes = np.concatenate([part.boxes for part in by_level[depth] if part.boxes is not None])
+    child_mask, first_child = hierarchy(keys, depth)
     return Leaves(keys, Nodes(child_mask, first_child, len(child_mask) - len(boxes), boxes))
-
-
-def _parts_of(leaves: list[LeafSums], _block_level: int) -> list[LeafSums]:
-    return leaves
 
 
 @kernel

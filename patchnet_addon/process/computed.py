@@ -16,7 +16,7 @@ from typing import Any
 
 from ..runtime.errors import EngineGoneError
 from ..runtime.progress import Progress, Steps, drain
-from .transfer import Remote
+from .transfer import called
 
 _WORKING = Progress(0, 1, "Working")
 _STEP_S = 1.0  # longest usual step
@@ -100,7 +100,7 @@ def computed(function: Callable[..., Any], *arguments: Any, at: Progress = _WORK
             return (yield from process.call(function, arguments, at, lasts=lasts))
         except EngineRefusedError as cause:
             _refuse(cause)
-    result = function(*(argument.value if isinstance(argument, Remote) else argument for argument in arguments))
+    result = called(function, arguments)
     return (yield from result) if isinstance(result, GeneratorType) else result
 
 

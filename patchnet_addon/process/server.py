@@ -11,7 +11,6 @@ from __future__ import annotations
 import threading
 import time
 import traceback
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from multiprocessing import AuthenticationError
@@ -21,7 +20,7 @@ from typing import Any
 
 from ..runtime.compiling import NOTE, is_compiling
 from ..runtime.progress import Progress
-from .transfer import ERROR, REPORT, RESULT, EngineExchange, Remote
+from .transfer import ERROR, REPORT, RESULT, EngineExchange, called
 
 _REPORT_S = 0.01  # least time between two reports
 _COMPILING_S = 0.1  # between two reports of a kernel that compiles
@@ -115,8 +114,3 @@ class Call(threading.Thread):
             self._sent.append(packed.held)
             self._connection.send_bytes(packed.data)
             self._sent_at = time.monotonic()
-
-
-def called(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    """Call a function with the values of remotes among its arguments."""
-    return function(*(argument.value if isinstance(argument, Remote) else argument for argument in arguments))

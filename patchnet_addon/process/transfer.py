@@ -12,6 +12,7 @@ import itertools
 import pickle
 import weakref
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -34,6 +35,11 @@ class Remote(Generic[Value]):
 
     def __init__(self, value: Value) -> None:
         self.value = value
+
+
+def called(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    """Call a function with the values of remotes among its arguments."""
+    return function(*(argument.value if isinstance(argument, Remote) else argument for argument in arguments))
 
 
 class _Handle(Remote[Any]):

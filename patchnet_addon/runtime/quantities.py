@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+_NAMED = 5  # names of a list at most
+
 
 def bytes_text(number: float) -> str:
     """Human-readable size, such as 1.5 GiB, 1.0 MiB, 12.0 KiB, 5 B."""
@@ -40,7 +42,7 @@ def subject(kind: str, names: Iterable[str]) -> str:
     return f"{one} {named_list(distinct)} {verb}" if distinct else ""
 
 
-def named_list(names: Iterable[str], most: int = 5) -> str:
+def named_list(names: Iterable[str]) -> str:
     """Quoted distinct names without "": 'a', 'b' and 3 more; empty for none."""
     listed = [f"'{name}'" for name in dict.fromkeys(names) if name]
-    return ", ".join(listed[:most]) + (f" and {len(listed) - most} more" if len(listed) > most else "")
+    return ", ".join(listed[:_NAMED]) + (f" and {len(listed) - _NAMED} more" if len(listed) > _NAMED else "")

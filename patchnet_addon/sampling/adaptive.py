@@ -36,12 +36,9 @@ REFINED_SIDE = 32  # rays per pixel side
 Importance = Callable[[PixelBuffers], Steps[np.ndarray]]  # weights (P,) in [0, 1] of a traced view
 
 
-@dataclass
+@dataclass(frozen=True)
 class Pace:
-    """Amount of work in one step: pixels traced, and rays of pixels refined.
-
-    Callers may change it between two steps, by the measured duration of a step.
-    """
+    """Amount of work in one step: pixels traced, and rays of pixels refined."""
 
     band_pixels: int = BAND_PIXELS
     batch_rays: int = BATCH_RAYS
@@ -81,8 +78,8 @@ class PictureSettings:
 class AdaptivePicture:
     """Picture of P pixels, row 0 at the bottom, with their current values through a pixel filter.
 
-    values: (P, 4) float32, colours and alpha. colors: linear as in the octree, not clamped, premultiplied by alpha.
-    alpha: share of the rays that hit.
+    values: (P, 4) float32, colours, linear as in the octree, not clamped, premultiplied by alpha; and alpha, the share
+    of the rays that hit.
     samples: (P,) int32, rays per pixel; 0 before the first.
     Other processes can see values and samples while they change.
     buffers: set once all pixels are traced; `ranking` too, if there is a strategy.
@@ -113,16 +110,6 @@ class AdaptivePicture:
         self.samples: np.ndarray = shared_zeros((camera.pixel_count,), np.int32)
         self.buffers: PixelBuffers | None = None
         self.ranking: Ranking | None = None
-
-    @property
-    def colors(self) -> np.ndarray:
-        """(P, 3) of `values`."""
-        return self.values[:, :3]
-
-    @property
-    def alpha(self) -> np.ndarray:
-        """(P,) of `values`."""
-        return self.values[:, 3]
 
     def trace(self, pace: Pace | None = None) -> Steps[None]:
         """Trace one ray per pixel in bands of rows, then compute importance and score of all pixels.
@@ -219,7 +206,7 @@ def in_batches(
 ) -> Steps[None]:
     """Refine groups of pixels, each with its rays per pixel side, batch by batch; `take` traces pixels with so many.
 
-    Progress counts rays. The pace is read before each batch.
+    Progress counts rays.
     """
     groups = list(groups)
     done, total = 0, sum(side**2 * len(pixels) for side, pixels in groups)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..octree.octree import Octree
 from .adaptive import AdaptivePicture
+from .trace import seen_normal
 
 if TYPE_CHECKING:
     from ..tracing.hits import Hits
@@ -56,9 +57,7 @@ def traced_passes(picture: AdaptivePicture) -> dict[str, np.ndarray]:
 
 def _normals(octree: Octree, hits: Hits) -> np.ndarray:
     """(P, 3) normals turned towards the camera as in Cycles, since sheets are seen from both sides."""
-    normals = np.zeros((len(hits.hit), 3), np.float32)
-    mean = octree.normal_float(hits.node[hits.hit])
-    away = np.einsum("pc,pc->p", mean, hits.direction[hits.hit]) > 0.0
-    mean[away] *= -1.0
-    normals[hits.hit] = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
+    normals = seen_normal(octree, hits.node)
+    away = np.einsum("pc,pc->p", normals, hits.direction) > 0.0
+    normals[away] *= -1.0
     return normals

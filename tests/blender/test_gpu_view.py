@@ -252,7 +252,7 @@ def test_pictures_through_a_filter_are_those_of_the_kernels(yard: CodedOctree, p
     drain(picture.sample_evenly(4))
     places = np.random.default_rng(0).permutation(rook_places(4))
     found = picture_on_card(octree, camera, None, pixel_filter, places=places, finer=16)
-    expected = np.concatenate([picture.colors / octree.exposure, picture.alpha[:, None]], axis=1)
+    expected = picture.values / np.array([*[octree.exposure] * 3, 1.0])
     off = np.abs(found - expected).max(axis=1)
     assert (off > 1 / 255).mean() <= 3e-3 and off.mean() < 1e-4
 

@@ -74,7 +74,7 @@ def test_an_even_picture_has_as_many_fine_rays_in_every_pixel() -> None:
     assert (picture.samples == 16).all()
     every = np.arange(eye.pixel_count)
     plain = spread_pixels(octree, eye, every, rook_places(4), BOX_FILTER, finer=EVEN_FOOTPRINT).given[:, 0]
-    np.testing.assert_allclose(picture.colors, plain[:, :3], atol=1e-6)
+    np.testing.assert_allclose(picture.values[:, :3], plain[:, :3], atol=1e-6)
     coarse = spread_pixels(octree, eye, every, rook_places(4), BOX_FILTER).given[:, 0]
     assert np.abs(plain - coarse).max() > 0.01, "rays of a quarter of a pixel meet coarser voxels"
     reports = []

@@ -75,9 +75,9 @@ def test_an_even_picture_weighs_all_rays(pixel_filter: PixelFilter, side: int) -
     octree = random_octree()
     found, footprints = even_picture(octree, side, pixel_filter), max(side, EVEN_FOOTPRINT)
     expected = plain_picture(octree, EYE, rook_places(side), footprints, pixel_filter)
-    np.testing.assert_allclose(found.alpha, expected[:, 1], atol=2e-2 if side < 9 else 2e-3)
-    np.testing.assert_allclose(found.colors[:, 0], expected[:, 0], atol=2e-2 if side < 9 else 2e-3)
-    assert np.abs(found.alpha - expected[:, 1]).mean() < 2e-3
+    np.testing.assert_allclose(found.values[:, 3], expected[:, 1], atol=2e-2 if side < 9 else 2e-3)
+    np.testing.assert_allclose(found.values[:, 0], expected[:, 0], atol=2e-2 if side < 9 else 2e-3)
+    assert np.abs(found.values[:, 3] - expected[:, 1]).mean() < 2e-3
 
 
 def test_a_reference_weighs_all_rays() -> None:
@@ -123,16 +123,14 @@ def test_the_order_of_work_does_not_matter() -> None:
     octree, pixel_filter = random_octree(), PixelFilter(BLACKMAN_HARRIS, 1.5)
     at_once = even_picture(octree, 4, pixel_filter)
     in_parts = even_picture(octree, 4, pixel_filter, Pace(band_pixels=30, batch_rays=200))
-    np.testing.assert_array_equal(in_parts.colors, at_once.colors)
-    np.testing.assert_array_equal(in_parts.alpha, at_once.alpha)
+    np.testing.assert_array_equal(in_parts.values, at_once.values)
     direct, twice = (AdaptivePicture(octree, EYE, STRATEGIES["ss-variance"], pixel_filter=pixel_filter) for _ in "12")
     for picture, sides in ((direct, (32,)), (twice, (4, 32))):
         drain(picture.trace())
         for side in sides:
             drain(picture.refine(0.4, side))
     np.testing.assert_array_equal(twice.samples, direct.samples)
-    np.testing.assert_array_equal(twice.colors, direct.colors)
-    np.testing.assert_array_equal(twice.alpha, direct.alpha)
+    np.testing.assert_array_equal(twice.values, direct.values)
 
 
 def test_a_wide_filter_is_spread_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,8 +139,7 @@ def test_a_wide_filter_is_spread_in_parts(monkeypatch: pytest.MonkeyPatch) -> No
     whole = even_picture(octree, 2, pixel_filter)
     monkeypatch.setattr(film_module, "_SHARES_AT_ONCE", 5000)
     parts = even_picture(octree, 2, pixel_filter)
-    np.testing.assert_array_equal(parts.colors, whole.colors)
-    np.testing.assert_array_equal(parts.alpha, whole.alpha)
+    np.testing.assert_array_equal(parts.values, whole.values)
 
 
 @pytest.mark.parametrize("side", [1, 2, 3, 4, 7, 8, 32])

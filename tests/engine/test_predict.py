@@ -38,7 +38,7 @@ def sample_hits(coded, count, seed=1, *, seeing=None):
     random = np.random.default_rng(seed)
     nodes = np.arange(-1, coded.octree.node_count)
     if seeing is not None:
-        nodes = nodes[(coded.rows_of(nodes) >= 0) == seeing]
+        nodes = nodes[coded.octree.look_ahead(coded.weights.lookahead)[nodes] == seeing]
     node = random.choice(nodes, count)
     direction = random.normal(size=(count, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)

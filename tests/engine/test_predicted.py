@@ -114,14 +114,14 @@ def test_errors_are_those_of_the_shown_picture(view: PixelBuffers) -> None:
 def test_a_picture_in_bands_is_the_picture_at_once(coded: CodedOctree, view: PixelBuffers) -> None:
     picture = AdaptivePicture(coded.octree, camera(), CHOSEN, coded, unrefined=PREDICTED)
     drain(picture.trace(Pace(band_pixels=50)))
-    np.testing.assert_allclose(picture.colors, view.predicted_color, atol=1e-6)
-    np.testing.assert_allclose(picture.alpha, view.shown_alpha, atol=1e-6)
+    np.testing.assert_allclose(picture.values[:, :3], view.predicted_color, atol=1e-6)
+    np.testing.assert_allclose(picture.values[:, 3], view.shown_alpha, atol=1e-6)
     np.testing.assert_allclose(picture.ranking.score, CHOSEN.scores(view), atol=1e-6)
     drain(picture.refine(0.3))
     mask = rank(CHOSEN, view, 0.3).mask
     np.testing.assert_array_equal(picture.samples, np.where(mask, 1024, 1))
     colors = np.where(mask[:, None], view.reference_color, view.predicted_color)
-    np.testing.assert_allclose(picture.colors, colors, atol=1e-5)
+    np.testing.assert_allclose(picture.values[:, :3], colors, atol=1e-5)
 
 
 @pytest.mark.parametrize("mean", [1.0, 3.0, 9.0, 100.0])

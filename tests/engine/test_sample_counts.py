@@ -142,11 +142,11 @@ def test_pixels_are_traced_with_their_samples(with_color: bool) -> None:
         pixels = np.flatnonzero(samples == side**2)
         if side == 1:
             seen = buffers.preview[pixels, None] if buffers.preview_color is None else buffers.preview_color[pixels]
-            np.testing.assert_allclose(picture.colors[pixels], np.broadcast_to(seen, (len(pixels), 3)), atol=1e-7)
+            np.testing.assert_allclose(picture.values[pixels, :3], np.broadcast_to(seen, (len(pixels), 3)), atol=1e-7)
         else:
             means = supersample_pixels(picture.octree, picture.camera, pixels, side)
-            np.testing.assert_allclose(picture.colors[pixels], means.colors, atol=1e-7)
-            np.testing.assert_allclose(picture.alpha[pixels], means.coverage, atol=1e-7)
+            np.testing.assert_allclose(picture.values[pixels, :3], means.colors, atol=1e-7)
+            np.testing.assert_allclose(picture.values[pixels, 3], means.coverage, atol=1e-7)
 
 
 @pytest.mark.parametrize("pixel_filter", [BOX_FILTER, PixelFilter(BLACKMAN_HARRIS, 1.5)], ids=str)
@@ -158,8 +158,8 @@ def test_the_picture_of_a_job_is_that_of_a_render(with_color: bool, pixel_filter
     refined = drain(refined_view(picture.octree, picture.camera, ranking, samples, pixel_filter, pace=pace))
     np.testing.assert_array_equal(refined.samples, picture.samples)
     assert refined.refined_count == np.count_nonzero(picture.samples > 1)
-    np.testing.assert_array_equal(picture.colors, refined.colors)
-    np.testing.assert_array_equal(picture.alpha, refined.alpha)
+    np.testing.assert_array_equal(picture.values[:, :3], refined.colors)
+    np.testing.assert_array_equal(picture.values[:, 3], refined.alpha)
     plain = drain(refined_view(picture.octree, picture.camera, ranking, samples))
     np.testing.assert_array_equal(refined.luminance, plain.luminance)
     if not with_color:
@@ -203,7 +203,7 @@ def test_a_share_is_refined_alike_by_jobs_and_renders() -> None:
     drain(picture.refine(0.3, refined=64.0))
     refined = drain(refined_view(picture.octree, picture.camera, ranking, ranking.refined_samples(64.0)))
     np.testing.assert_array_equal(refined.samples, picture.samples)
-    np.testing.assert_allclose(refined.luminance, picture.colors[:, 0], atol=1e-7)
+    np.testing.assert_allclose(refined.luminance, picture.values[:, 0], atol=1e-7)
     np.testing.assert_array_equal(refined.samples > 1, ranking.mask)
     every = drain(refined_view(picture.octree, picture.camera, ranking, ranking.refined_samples(1024.0)))
     np.testing.assert_array_equal(every.luminance, np.where(ranking.mask, buffers.reference, buffers.preview))

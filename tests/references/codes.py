@@ -42,7 +42,7 @@ def corners_of(table: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
 
 
 def coded_rows_reference(octree: Octree, lookahead: int) -> np.ndarray:
-    """Reference of `coded_rows` for all nodes in order: (n,) int64."""
+    """Reference of `coded_rows` for all nodes in order: (n,) int64; the last, a leaf, stands for none."""
     coded = octree.look_ahead(lookahead)
     return np.where(coded, np.cumsum(coded) - 1, -1)
 
@@ -160,7 +160,7 @@ def _box_overlap(
 def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits) -> MixtureInputs:
     """Inputs for some pixels (M,) of hits with look-ahead, in NumPy."""
     octree, node = coded.octree, hits.node[pixels]
-    corners = corners_of(coded.corner_rows, coded.rows_of(node))  # (M, 8)
+    corners = corners_of(coded.corner_rows, coded_rows_reference(octree, coded.weights.lookahead)[node])  # (M, 8)
     assert coded.corner_cells is not None
     corner_codes = coded.codes[corners].astype(np.float32)
     entry, direction, up = (array[pixels].astype(np.float32) for array in (hits.entry_voxel, hits.direction, hits.up))
@@ -260,7 +260,7 @@ def corner_blocks_reference(
 
 def predict_reference(coded: CodedOctree, hits: Hits) -> Prediction:
     """Reference of `predict` in NumPy."""
-    rows = coded.rows_of(hits.node)
+    rows = coded_rows_reference(coded.octree, coded.weights.lookahead)[hits.node]
     pixels = np.flatnonzero(rows >= 0)
     coverage = np.ones(len(rows), np.float32)
     luminance = hits.luminance.astype(np.float32)

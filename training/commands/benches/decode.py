@@ -43,28 +43,27 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
     while found < args.pixels:
         cameras.append(camera_around(coded, len(cameras)))
         views.append(first_hits(octree, cameras[-1]))
-        seen = np.count_nonzero(coded.rows_of(views[-1].node) >= 0)
+        seen = int(predict(coded, views[-1]).look_ahead.sum())  # also compiles
         if not seen:
             raise SettingError("No pixel around this octree has look-ahead: give a deeper octree")
         found += seen
     with use_threads(args.threads):
-        decoded = sum(int(predict(coded, hits).look_ahead.sum()) for hits in views)  # also compiles
         runs: dict[str, Callable[[], Any]] = {
             "decode": lambda: [predict(coded, hits) for hits in views],
             "trace": lambda: [first_hits(octree, camera) for camera in cameras],
         }
         if has_torch():
-            runs["torch"] = partial(_run_layers, weights, decoded)
+            runs["torch"] = partial(_run_layers, weights, found)
         seconds, details = timed(runs, args.repeats, args.threads)
     pixels = sum(camera.pixel_count for camera in cameras)
-    rates = {run: (pixels if run == "trace" else decoded) / each for run, each in seconds.items()}
+    rates = {run: (pixels if run == "trace" else found) / each for run, each in seconds.items()}
     details |= {
         "octree": name,
         "nodes": octree.node_count,
         "pixels_per_s": rates,
         "network": weights.kind.name,
         "pixels": pixels,
-        "decoded_pixels": decoded,
+        "decoded_pixels": found,
     }
     return comparison("decode", rates["decode"], rates.get("torch"), details, "pixels per second")
 
