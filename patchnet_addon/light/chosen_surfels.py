@@ -12,7 +12,6 @@ if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
     from ..octree.octree import Nodes
     from ..surface.textures import TextureTable
     from .light_cells import CellGrid, SurfelSurface
-    from .seen_cells import SeenCells
     from .sheets import Sheets
 
 
@@ -25,22 +24,19 @@ class ColoredLeaves(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ChosenSurfels:
-    """Surfels (N,) SURFEL with their surface and sheets, what cameras see, and the share of leaves that they do.
+    """Surfels (N,) SURFEL with their surface and sheets, and the share of leaves that cameras see.
 
-    has_baked_color: (M,) bool, materials of which `colored` leaves are baked; None if there are none. glows: (M,) bool,
-    those whose base colors are emission.
+    colored: leaves of materials with a baked colour; None if there are none. glows: (M,) bool, materials whose base
+    colors are emission.
     """
 
     surfels: np.ndarray
     surface: SurfelSurface
     grid: CellGrid
     sheets: Sheets
-    seen: SeenCells
     nodes: Nodes
     table: TextureTable
     reflects: np.ndarray
-    through: np.ndarray
     fine: float
-    has_baked_color: np.ndarray
     colored: ColoredLeaves | None
     glows: np.ndarray

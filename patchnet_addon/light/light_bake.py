@@ -43,7 +43,8 @@ class BakePlan(NamedTuple):
 
     cameras: they decide which sides of closed sheets get light; if `cells_by_cameras`, also which light cells are fine,
     else all are. lookahead: levels, of the weights in use. color: with colour. denoise: light is filtered over cells.
-    noise_threshold, max_samples: bounds of a surfel's paths. through, has_baked_color: (M,) bool, see `ChosenSurfels`.
+    noise_threshold, max_samples: bounds of a surfel's paths. through: (M,) bool, see `MaterialSides`. has_baked_color:
+    (M,) bool, materials whose base colours are baked.
     kept: folder of bakes, and key of the surfels that are kept on disk; None for none.
     """
 
@@ -166,8 +167,7 @@ def _chosen(source: SceneMesh, clipped: ClippedSurface, plan: BakePlan) -> Steps
     grid = CellGrid(surfels, at, clipped.grid, filtered=plan.denoise)
     fine = len(seen.cells) / max(sum(len(keys) for keys in leaves.keys.values()), 1)
     return ChosenSurfels(
-        surfels, at, grid, sheets, seen, leaves.nodes, table, reflects, plan.through, min(fine, 1.0), has_baked_color,
-        colored, glows,
+        surfels, at, grid, sheets, leaves.nodes, table, reflects, min(fine, 1.0), colored, glows
     )  # fmt: skip
 
 
@@ -196,7 +196,7 @@ def begin_colors(bake: LightBake, of_leaves: bool) -> int:
     if of_leaves:
         surfels, rows = chosen.colored.surfels, np.arange(len(chosen.colored.surfels))
     else:
-        surfels, rows = chosen.surfels, np.flatnonzero(chosen.has_baked_color[chosen.surface.material])
+        surfels, rows = chosen.surfels, np.flatnonzero(bake.plan.has_baked_color[chosen.surface.material])
     baked = np.zeros((len(rows), bake.plan.channels), np.float32)
     bake.part = _Part(surfels, rows, np.arange(len(rows)), baked)
     return len(rows)
@@ -214,7 +214,7 @@ def end_colors(bake: LightBake, of_leaves: bool) -> None:
     if of_leaves:
         sums = SurfelSums.zeros(len(found), bake.plan.channels)
         sums.add(part.rows, found, COLOR_SAMPLES)
-        bake.colors = BakedColors(chosen.colored.grid.light(sums), chosen.has_baked_color)
+        bake.colors = BakedColors(chosen.colored.grid.light(sums), bake.plan.has_baked_color)
     else:
         chosen.surface.base[part.rows] = np.maximum(found[:, :-2], LEAST_BASE)
     bake.part = None
@@ -256,25 +256,26 @@ def end_round(bake: LightBake) -> Steps[EndedRound]:
     now, part, chosen, plan = bake.now, bake.part, bake.chosen, bake.plan
     assert now is not None and part is not None
     yield _FILTERING
-    bake.sums.add(now.surfels, _in_proportion(part.baked, chosen, now.surfels), now.samples)
+    bake.sums.add(now.surfels, _in_proportion(part.baked, bake, now.surfels), now.samples)
     bake.part = None
     bake.cells = cells = chosen.grid.light(bake.sums)
     bake.now = next_round(now, cells, plan.noise_threshold, plan.max_samples)
     yield _READING
-    sides = MaterialSides(chosen.reflects, chosen.through)
+    sides = MaterialSides(chosen.reflects, plan.through)
     shade = cells_shade(cells, chosen.table, chosen.sheets, sides, color=plan.color, colors=bake.colors)
     bake.light = SurfaceLight(shade, chosen.reflects)
     paths, is_last = int(bake.sums.samples.sum()), bake.now is None
     return EndedRound(Remote(bake.light), chosen.fine, usual_noise(cells), paths, is_last)
 
 
-def _in_proportion(baked: np.ndarray, chosen: ChosenSurfels, surfels: np.ndarray) -> np.ndarray:
+def _in_proportion(baked: np.ndarray, bake: LightBake, surfels: np.ndarray) -> np.ndarray:
     """Baked light (n, channels) of surfels (n,) in proportion to their base color.
 
     Light over a baked color is multiplied by it. Surfels on the black of an emission texture do not count.
     """
+    chosen = bake.chosen
     material, base = chosen.surface.material[surfels], chosen.surface.base[surfels]
-    mine = chosen.has_baked_color[material]
+    mine = bake.plan.has_baked_color[material]
     baked[mine, :-2] *= base[mine]
     baked[mine, -1] *= base[mine, 0]
     baked[chosen.glows[material] & (base[:, 0] <= LEAST_BASE)] = 0.0

@@ -82,7 +82,6 @@ class VoxelCloud:
     normal: (n, 3) float32, length at most 1. area_world: (n,) float32.
     """
 
-    level: int
     centres_world: np.ndarray
     side_world: np.ndarray
     luminance: np.ndarray
@@ -156,7 +155,6 @@ def voxel_cloud(octree: Octree, level: int) -> VoxelCloud:
     """Collect the voxels of `level`; raises SettingError outside the octree's levels."""
     runs = list(voxel_runs(octree, check_level(octree, level)))
     return VoxelCloud(
-        level=level,
         centres_world=np.concatenate([run.centres_world for run in runs]),
         side_world=np.concatenate([np.full(len(run), run.side_world, np.float32) for run in runs]),
         luminance=np.concatenate([run.luminance for run in runs]),

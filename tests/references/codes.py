@@ -160,7 +160,8 @@ def _box_overlap(
 def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits) -> MixtureInputs:
     """Inputs for some pixels (M,) of hits with look-ahead, in NumPy."""
     octree, node = coded.octree, hits.node[pixels]
-    corners = corners_of(coded.corner_rows, coded_rows_reference(octree, coded.weights.lookahead)[node])  # (M, 8)
+    rows = coded_rows_reference(octree, coded.weights.lookahead)[node]
+    corners = corners_of(coded.corner_rows, rows)  # (M, 8)
     assert coded.corner_cells is not None
     corner_codes = coded.codes[corners].astype(np.float32)
     entry, direction, up = (array[pixels].astype(np.float32) for array in (hits.entry_voxel, hits.direction, hits.up))
@@ -176,7 +177,7 @@ def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits)
     around = outer_cells_reference(cells, entry, direction, up, ratio)
     outer_covered, outer_light = (_in_ray_order(values, order)[:, OUTER_CELLS] for values in around)
     return MixtureInputs(
-        codes=interpolate_codes_reference(coded, coded.rows_of(node), entry).astype(np.float32),
+        codes=interpolate_codes_reference(coded, rows, entry).astype(np.float32),
         corner_codes=corner_codes[:, :, :SIDE_BY_SIDE],
         direction=direction,
         up=up,
