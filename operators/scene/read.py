@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from functools import partial
 from typing import NamedTuple
 
@@ -57,11 +58,11 @@ def scene_surface(
     in scope has a surface, GeometryError if it has no area, or faces without vertices.
     """
     layer = depsgraph.view_layer
-    with temporary_meshes() as copies:
-        # Data must not change while a graph renders, and need no copy there.
-        wanted = None if depsgraph.mode == "RENDER" else copies
+    # Data stay as they are while a graph renders. To remove some, even none, in its thread pulls the layers from under
+    # a window that draws.
+    with nullcontext() if depsgraph.mode == "RENDER" else temporary_meshes() as copies:
         reader = _Reader(
-            depsgraph.scene.frame_current_final, hair=layer.use_strand, solid=layer.use_solid, copies=wanted
+            depsgraph.scene.frame_current_final, hair=layer.use_strand, solid=layer.use_solid, copies=copies
         )
         with render_geometry(depsgraph):
             for instance in shown_instances(depsgraph, scope, chosen):

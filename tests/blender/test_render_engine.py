@@ -12,6 +12,7 @@ from patchnet.operators.render_engine import panels
 from patchnet.operators.render_engine.engine import ENGINE
 from patchnet.operators.render_engine.passes import BY_PRIORITY, PASSES
 from patchnet.operators.render_engine.render_frame import pull
+from patchnet.operators.scene import read
 from patchnet.operators.session import results
 from patchnet.patchnet_addon.process.computed import computed, leave_engine_process, use_engine_process
 from patchnet.patchnet_addon.runtime.errors import StoppedError
@@ -133,6 +134,14 @@ def test_a_lamp_keeps_its_light_and_the_room_its_exposure(scene: bpy.types.Scene
     refined = found["Combined"][found["Sample Count"][..., 0] > 1]
     assert refined[..., :3].max() == pytest.approx(5.79, rel=2e-3)
     assert f"Exposure {octree.exposure:.4g} (automatic)" in kept(scene).summary
+
+
+def test_a_render_reads_its_scene_without_temporary_data(
+    scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a window, data that its thread removed would crash Blender's drawing."""
+    monkeypatch.setattr(read, "temporary_meshes", None)
+    assert rendered(scene)["Combined"][..., 3].any()
 
 
 def test_depth_and_normal_are_those_of_cycles(scene: bpy.types.Scene) -> None:
