@@ -11,9 +11,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
 
 from ..runtime.kernels import array_device, device
 from ..runtime.vectors import LANES, add_product, float_of_bits, larger, load, spread, store
@@ -28,6 +25,8 @@ _LINE = 16  # numbers that a line of the cache holds
 DIRECTION, UP, RATIO = CODE_SIZE, CODE_SIZE + 3, CODE_SIZE + 6  # rows of inputs; the first ones are the code
 FIRST_HARMONIC = RATIO + 1
 assert TILE % LANES == 0
+
+_terms = device(harmonic_terms)
 
 _LOG2_E = np.float32(1.4426950408889634)
 _LN2_HIGH, _LN2_LOW = np.float32(0.693359375), np.float32(-2.12194440e-4)
@@ -140,50 +139,6 @@ def _mix(values, luminances):
         values[TILE + pixel] = light[pixel] / total[pixel]
 
 
-class _Term:
-    """Term of a formula: its arithmetic appends instructions to the function in compilation."""
-
-    def __init__(self, builder, value):
-        self.builder, self.value = builder, value
-
-    def _of(self, other):
-        if isinstance(other, _Term):
-            return other.value
-        kind = self.value.type
-        return ir.Constant(kind, [float(other)] * kind.count)
-
-    def __add__(self, other):
-        return _Term(self.builder, self.builder.fadd(self.value, self._of(other), flags=("contract",)))
-
-    def __sub__(self, other):
-        return _Term(self.builder, self.builder.fsub(self.value, self._of(other), flags=("contract",)))
-
-    def __mul__(self, other):
-        return _Term(self.builder, self.builder.fmul(self.value, self._of(other), flags=("contract",)))
-
-    __radd__, __rmul__ = __add__, __mul__
-
-
-@intrinsic
-def store_harmonics(_typing, array, _index, _stride, x, y, z):
-    """Store the 25 harmonics of vectors of directions: store_harmonics(array, index, stride, x, y, z).
-
-    The first one is at the index, each further one `stride` elements later.
-    """
-
-    def build(context, builder, signature, arguments):
-        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-        index, stride = arguments[1:3]
-        x, y, z = (_Term(builder, axis) for axis in arguments[3:])
-        for term in harmonic_terms(x, y, z):
-            pointer = builder.bitcast(builder.gep(data, [index]), term.value.type.as_pointer())
-            builder.store(term.value, pointer).align = 4
-            index = builder.add(index, stride)
-        return context.get_dummy_value()
-
-    return types.void(array, types.intp, types.intp, x, y, z), build
-
-
 @array_device
 def empty_values(rows):
     """Values of a tile, (rows * TILE,) float32 zeros at a multiple of 64 bytes: a vector lies in one cache line."""
@@ -195,13 +150,13 @@ def empty_values(rows):
 @device
 def fill_harmonics(inputs):
     """Write the harmonics of the directions, and multiply the first of them into the codes (methods 7.13)."""
-    for pixel in range(0, TILE, LANES):
+    for pixel in range(TILE):
         at = DIRECTION * TILE + pixel
-        x, y, z = load(inputs, at), load(inputs, at + TILE), load(inputs, at + 2 * TILE)
-        store_harmonics(inputs, FIRST_HARMONIC * TILE + pixel, TILE, x, y, z)
+        terms = _terms(inputs[at], inputs[at + TILE], inputs[at + 2 * TILE])
+        for k in range(len(terms)):
+            inputs[(FIRST_HARMONIC + k) * TILE + pixel] = terms[k]
         for k in range(MODULATED):
-            at = k * TILE + pixel
-            store(inputs, at, load(inputs, at) * load(inputs, FIRST_HARMONIC * TILE + at))
+            inputs[k * TILE + pixel] *= inputs[(FIRST_HARMONIC + k) * TILE + pixel]
 
 
 @device

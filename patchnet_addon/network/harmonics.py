@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 
-def harmonic_terms(x: Any, y: Any, z: Any) -> list[Any]:
+def harmonic_terms(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
     """The 25 harmonics at unit vectors (x, y, z), one array each, in the type of the arguments.
 
-    Only arithmetic is used, so both NumPy and torch arrays work.
+    Only arithmetic is used, so NumPy and torch arrays work, and numbers in kernels.
     """
     xx, yy, zz, xy, yz, xz = x * x, y * y, z * z, x * y, y * z, x * z
-    return [
+    return (
         0.28209479177387814 + 0.0 * x,
         0.4886025119029199 * y,
         0.4886025119029199 * z,
@@ -43,7 +43,7 @@ def harmonic_terms(x: Any, y: Any, z: Any) -> list[Any]:
         0.47308734787878004 * (xx - yy) * (7.0 * zz - 1.0),
         1.7701307697799304 * xz * (xx - 3.0 * yy),
         0.6258357354491761 * (xx * xx - 6.0 * xx * yy + yy * yy),
-    ]
+    )
 
 
 def real_harmonics(directions: np.ndarray, degree: int = 4) -> np.ndarray:
