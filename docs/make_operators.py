@@ -121,7 +121,6 @@ NOTES = {
     ),
     "show_picture": Note("nothing in the scene; the picture in an Image Editor or a new window"),
     "toggle_overlay": Note("nothing: the overlay is a setting of the window, and is not saved"),
-    "drag_wipe": Note("nothing: the line's position is a setting of the window, and is not saved"),
     "inspect_pixels": Note("nothing"),
     "clear_cache": Note(
         "nothing in the scene; the cache folder without compiled kernels, light of bakes and octrees",

@@ -1,86 +1,31 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators that follow the mouse over pictures: drag the line of the wipe, show the values of a pixel."""
+"""Operator that follows the mouse over pictures and shows the values of a pixel."""
 
 from __future__ import annotations
 
 import bpy
 
-from ..jobs.job_operator import OperatorBase
 from ..session.scene_session import session_of
-from .drawing import NO_VIEW, switch_of
+from .drawing import NO_VIEW
 from .framed import UnderMouse, pixel_at, under_mouse
-from .overlay_settings import InspectedPixel, overlay_settings, overlay_state, refresh
+from .overlay_settings import InspectedPixel, overlay_state, refresh
 
 
-class _MouseOperator(OperatorBase):
-    bl_label = ""
+class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
+    """Show coverage, luminance, priority, level and samples of the pixel under the mouse, until Esc or a right click"""
+
+    bl_idname = "patchnet.inspect_pixels"
+    bl_label = "Inspect Pixels"
     bl_options = {"REGISTER"}
-
-    @classmethod
-    def has_pictures(cls, context: bpy.types.Context) -> bool:
-        """Return whether there is a picture."""
-        return bool(session_of(context.scene).views)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Require a picture and a window."""
         without_window = bpy.app.background or context.window is None
-        if without_window or not cls.has_pictures(context):
+        if without_window or not _has_pictures(context):
             cls.poll_message_set(f"{cls.bl_label} needs the mouse, in a window" if without_window else NO_VIEW)
             return False
         return True
-
-
-class PATCHNET_OT_drag_wipe(_MouseOperator, bpy.types.Operator):
-    """Move the line between the two pictures with the mouse; a click leaves it there, Esc puts it back"""
-
-    bl_idname = "patchnet.drag_wipe"
-    bl_label = "Drag Wipe"
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Switch on the overlay of this editor and its wipe."""
-        values = overlay_settings(context)
-        self._before = values.use_wipe, values.wipe
-        setattr(values, switch_of(context), True)
-        values.use_wipe = True
-        context.window_manager.modal_handler_add(self)
-        context.workspace.status_text_set("Wipe: the line follows the mouse; click to leave it there, Esc goes back")
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Move the line with the mouse; navigation events pass through."""
-        values = overlay_settings(context)
-        if event.type == "MOUSEMOVE":
-            cursor = under_mouse(context, event)
-            if cursor is not None and cursor.framed is not None and len(cursor.framed.rects) == 1:
-                rect = cursor.framed.rects[0]
-                values.wipe = min(max((cursor.x - rect.left) / rect.width, 0.0), 1.0)
-            return {"RUNNING_MODAL"}
-        if event.type in {"LEFTMOUSE", "RET", "NUMPAD_ENTER"} and event.value == "PRESS":
-            context.workspace.status_text_set(None)
-            return {"FINISHED"}
-        if not values.use_wipe or (event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS"):
-            self.cancel(context)
-            return {"CANCELLED"}
-        return {"PASS_THROUGH"}
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Stop, also when Blender closes the window."""
-        values = overlay_settings(context)
-        values.use_wipe, values.wipe = self._before
-        context.workspace.status_text_set(None)
-
-
-class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
-    """Show coverage, luminance, priority, level and samples of the pixel under the mouse, until Esc or a right click"""
-
-    bl_idname = "patchnet.inspect_pixels"
-    bl_label = "Inspect Pixels"
-
-    @classmethod
-    def has_pictures(cls, context: bpy.types.Context) -> bool:
-        """Return whether there is a picture or a live heatmap."""
-        return bool(overlay_state().heatmaps) or bool(session_of(context.scene).views)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start in this window, or stop if it runs there."""
@@ -97,7 +42,7 @@ class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Update the pixel under the mouse; all other events pass through."""
         state = overlay_state()
-        if self._window not in state.inspected or not self.has_pictures(context) or state.problem:
+        if self._window not in state.inspected or not _has_pictures(context) or state.problem:
             self.cancel(context)
             return {"CANCELLED", "PASS_THROUGH"}
         if event.type == "MOUSEMOVE":
@@ -126,6 +71,11 @@ class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
             cursor.region.tag_redraw()
         if before is not None and (now is None or before.region != now.region):
             refresh(context)
+
+
+def _has_pictures(context: bpy.types.Context) -> bool:
+    """Return whether there is a picture or a live heatmap."""
+    return bool(overlay_state().heatmaps) or bool(session_of(context.scene).views)
 
 
 def _lines(context: bpy.types.Context, cursor: UnderMouse) -> list[str]:

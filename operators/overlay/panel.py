@@ -42,7 +42,6 @@ class _OverlayPanel(PanelBase):
         wipe.active = values.use_wipe
         wipe.prop(values, "other")
         wipe.prop(values, "wipe")
-        layout.operator("patchnet.drag_wipe", icon="ARROW_LEFTRIGHT")
         running = context.window is not None and context.window.as_pointer() in state.inspected
         layout.operator("patchnet.inspect_pixels", icon="EYEDROPPER", depress=running)
 

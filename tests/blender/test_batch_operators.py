@@ -36,7 +36,7 @@ CALLS = {
 # test_demo_scene.py; test_fly_through.py
 ELSEWHERE = {"fly_through", "clear_cache", "refine_with_cycles", "show_picture", "add_demo_scene"}
 # Not without a window; tests/real_blender/test_overlay.py tries them.
-WINDOW = {"toggle_overlay", "drag_wipe", "inspect_pixels"}
+WINDOW = {"toggle_overlay", "inspect_pixels"}
 PREPARE = """
 import sys, bpy, patchnet
 patchnet.register()

@@ -211,8 +211,7 @@ def test_nothing_is_shown_in_background(made: tuple[View, ViewSettings]) -> None
     overlay.forget(bpy.context)
     drain(overlay.show(bpy.context, [result], wanted))
     assert not session_of(bpy.context.scene).views
-    for operator in (bpy.ops.patchnet.drag_wipe, bpy.ops.patchnet.inspect_pixels):
-        assert not operator.poll()
+    assert not bpy.ops.patchnet.inspect_pixels.poll()
     with pytest.raises(RuntimeError, match="no pictures yet: run Render Preview"):
         bpy.ops.patchnet.toggle_overlay()
     open_pictures.open_picture(bpy.context, bpy.data.images.new("Any", 4, 4))

@@ -151,25 +151,6 @@ def inspect():
     seen["inspection ended"] = not inspected
 
 
-def drag():
-    """The wipe follows the mouse; Esc brings it back, a click leaves it."""
-    values = bpy.context.window_manager.patchnet_overlay
-    region = clicks.region("WINDOW")
-    _, (rect,) = framed("VIEW_3D")
-    y = int(region.y + rect.bottom + 0.5 * rect.height)
-    seen["wiped"] = []
-    for share, end in ((0.25, "ESC"), (0.75, "LEFTMOUSE")):
-        in_area("VIEW_3D", bpy.ops.patchnet.drag_wipe, "INVOKE_DEFAULT")
-        x = int(region.x + rect.left + share * rect.width)
-        yield from clicks.move(x - 5, y)
-        yield from clicks.move(x, y)
-        dragged = values.wipe
-        yield from clicks.key(end, x, y)
-        yield 0.1
-        seen["wiped"].append([round(dragged, 2), round(values.wipe, 2)])
-    values.wipe = 0.5
-
-
 def unfinished():
     """A job's unfinished picture, in a corner."""
     picture = np.random.default_rng(2).random((SIZE[1], SIZE[0], 3))
@@ -273,7 +254,7 @@ def session():
     clicks.window().scene.patchnet.background = "black"  # the world is as gray as the viewport that shows through
     in_area("VIEW_3D", bpy.ops.patchnet.run_all)
     yield from visit.parts(
-        into_camera, in_viewport, doubled, inspect, drag, unfinished, in_image_editor, automatic, end, disabled
+        into_camera, in_viewport, doubled, inspect, unfinished, in_image_editor, automatic, end, disabled
     )
 
 

@@ -37,12 +37,6 @@ def test_pixel_under_the_mouse(seen: dict) -> None:
     assert seen["inspection ended"]
 
 
-def test_wipe_follows_the_mouse(seen: dict) -> None:
-    (escaped, back), (clicked, left) = seen["wiped"]
-    assert abs(escaped - 0.25) < 0.02 and back == 0.5
-    assert abs(clicked - 0.75) < 0.02 and left == clicked
-
-
 def test_pictures_come_up_in_free_editors_only(seen: dict) -> None:
     assert seen["kept"] == "Painting" and seen["opened"] == "PatchNet Eye heatmap"
     assert seen["windows"] == 1 and seen["in new window"] == ["PatchNet Eye heatmap"]
