@@ -120,7 +120,6 @@ NOTES = {
         "bpy.ops.patchnet.add_demo_scene()",
     ),
     "show_picture": Note("nothing in the scene; the picture in an Image Editor or a new window"),
-    "toggle_overlay": Note("nothing: the overlay is a setting of the window, and is not saved"),
     "inspect_pixels": Note("nothing"),
     "clear_cache": Note(
         "nothing in the scene; the cache folder without compiled kernels, light of bakes and octrees",
@@ -139,7 +138,7 @@ PICTURES = {
     "refine_with_cycles": "panel-cycles-refine.png",
     "show_voxels": "panel-export.png",
     "clear_results": "panel-statistics.png",
-    "toggle_overlay": "panel-overlay.png",
+    "inspect_pixels": "panel-overlay.png",
     "clear_cache": "preferences.jpg",
 }
 

@@ -142,10 +142,10 @@ def overlay():
     if not hasattr(bpy.types.WindowManager, "patchnet_overlay"):
         return
     values = bpy.context.window_manager.patchnet_overlay
-    in_area("VIEW_3D", bpy.ops.patchnet.toggle_overlay)
+    values.show_viewport = True
     values.use_wipe, values.wipe, values.picture, values.other = True, 0.5, "HEATMAP", "REFINED"
     yield from clicks.screenshot(OUT / "overlay-view.png", box(clicks.area("VIEW_3D")))
-    in_area("VIEW_3D", bpy.ops.patchnet.toggle_overlay)
+    values.show_viewport = False
 
 
 def heatmap():

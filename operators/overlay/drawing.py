@@ -177,31 +177,3 @@ def unregister() -> None:
     """Remove the draw handlers."""
     for space, handle in overlay_state().handles:
         space.draw_handler_remove(handle, "WINDOW")
-
-
-class PATCHNET_OT_toggle_overlay(bpy.types.Operator):
-    """Lay the chosen picture over the camera's view, or over the image in an Image Editor"""
-
-    bl_idname = "patchnet.toggle_overlay"
-    bl_label = "Overlay"
-    bl_options = {"REGISTER"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Require a picture, except to switch off."""
-        values = overlay_settings(context)
-        if not (session_of(context.scene).views or values.show_viewport or values.show_editor):
-            cls.poll_message_set(NO_VIEW)
-            return False
-        return True
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Switch the overlay of this editor; in other editors that of the viewport."""
-        values, name = overlay_settings(context), switch_of(context)
-        setattr(values, name, not getattr(values, name))
-        return {"FINISHED"}
-
-
-def switch_of(context: bpy.types.Context) -> str:
-    """Name of the setting that switches the overlay of the current editor."""
-    return "show_editor" if context.area is not None and context.area.type == "IMAGE_EDITOR" else "show_viewport"

@@ -110,8 +110,8 @@ def _picture(name: str, description: str, default: str, *more: tuple[str, str, s
 class PatchNetOverlaySettings(bpy.types.PropertyGroup):
     """Settings of the overlay on camera views and images."""
 
-    show_viewport: _switch("In Viewport", "Lay the picture over the camera's view")
-    show_editor: _switch("In Image Editor", "Lay the picture over PatchNet's images and over the Render Result")
+    show_viewport: _switch("Overlay", "Lay the picture over the camera's view")
+    show_editor: _switch("Overlay", "Lay the picture over PatchNet's images and over the Render Result")
     picture: _picture("Picture", "Picture to show", HEATMAP)
     opacity: share("Opacity", "Opacity of the picture over the viewport or the image", 1.0, update=_changed)
     use_wipe: _switch("Wipe", "Show another picture to the right of a line")

@@ -9,7 +9,7 @@ from ...patchnet_addon.runtime.quantities import named_list
 from ..scene_access.images import unlike_view
 from ..session.scene_session import session_of
 from ..ui.tab import OVERLAY, PanelBase, draw_sentence, split
-from .drawing import NO_VIEW, switch_of
+from .drawing import NO_VIEW
 from .overlay_settings import overlay_settings, overlay_state
 
 
@@ -20,9 +20,11 @@ class _OverlayPanel(PanelBase):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the switch, the pictures, the wipe, the inspection."""
         layout, values, state = split(self.layout), overlay_settings(context), overlay_state()
-        switch = switch_of(context)
+        switch = "show_viewport" if self.bl_space_type == "VIEW_3D" else "show_editor"
         on = getattr(values, switch)
-        layout.operator("patchnet.toggle_overlay", icon="OVERLAY", depress=on)
+        row = layout.row()
+        row.use_property_split, row.enabled = False, on or bool(session_of(context.scene).views)
+        row.prop(values, switch, icon="OVERLAY", toggle=True)
         if state.problem:
             draw_sentence(layout, context, state.problem, "ERROR")
         elif not session_of(context.scene).views:

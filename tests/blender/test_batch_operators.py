@@ -35,8 +35,8 @@ CALLS = {
 # test_preferences.py, on a cache of its own; test_cycles_refine.py, with light that was baked; test_panel.py;
 # test_demo_scene.py; test_fly_through.py
 ELSEWHERE = {"fly_through", "clear_cache", "refine_with_cycles", "show_picture", "add_demo_scene"}
-# Not without a window; tests/real_blender/test_overlay.py tries them.
-WINDOW = {"toggle_overlay", "inspect_pixels"}
+# Not without a window; tests/real_blender/test_overlay.py tries it.
+WINDOW = {"inspect_pixels"}
 PREPARE = """
 import sys, bpy, patchnet
 patchnet.register()

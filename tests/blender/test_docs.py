@@ -56,7 +56,7 @@ def settings_of_panels() -> dict[str, set[str]]:
     known, window = bpy.context.scene.patchnet.bl_rna.properties, bpy.context.window_manager.patchnet_overlay
     bpy.context.scene.patchnet.track = True
     found = {tab.bl_label: {known[name].name for name in settings_drawn(tab) if name in known} for tab in TABS}
-    names = set(drawn(PATCHNET_PT_overlay, shown_by="show_viewport")) & set(window.bl_rna.properties.keys())
+    names = set(drawn(PATCHNET_PT_overlay, bl_space_type="VIEW_3D")) & set(window.bl_rna.properties.keys())
     found[PATCHNET_PT_overlay.bl_label] = {window.bl_rna.properties[name].name for name in names}
     return {title: settings for title, settings in found.items() if settings}
 

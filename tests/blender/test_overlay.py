@@ -212,8 +212,6 @@ def test_nothing_is_shown_in_background(made: tuple[View, ViewSettings]) -> None
     drain(overlay.show(bpy.context, [result], wanted))
     assert not session_of(bpy.context.scene).views
     assert not bpy.ops.patchnet.inspect_pixels.poll()
-    with pytest.raises(RuntimeError, match="no pictures yet: run Render Preview"):
-        bpy.ops.patchnet.toggle_overlay()
     open_pictures.open_picture(bpy.context, bpy.data.images.new("Any", 4, 4))
     assert open_pictures.may_replace(None)
     assert not open_pictures.may_replace(bpy.data.images.new("Painting", 4, 4))

@@ -110,7 +110,7 @@ def into_camera():
 def in_viewport():
     """Heatmap left, refined right, over the camera's frame."""
     values = bpy.context.window_manager.patchnet_overlay
-    in_area("VIEW_3D", bpy.ops.patchnet.toggle_overlay)
+    values.show_viewport = True
     values.use_wipe, values.wipe, values.picture, values.other = True, 0.5, "HEATMAP", "REFINED"
     path = yield from shot("overlay-viewport")
     seen["viewport"] = compare(path, "VIEW_3D", ("HEATMAP", "REFINED"))
@@ -175,7 +175,7 @@ def in_image_editor():
     space = clicks.area("IMAGE_EDITOR").spaces.active
     space.image = bpy.data.images["PatchNet Eye preview"]
     in_area("IMAGE_EDITOR", bpy.ops.image.view_all, fit_view=True)
-    in_area("IMAGE_EDITOR", bpy.ops.patchnet.toggle_overlay)
+    values.show_editor = True
     values.picture, values.other = "REFINED_ERROR", "HEATMAP"
     path = yield from shot("overlay-image")
     seen["image"] = compare(path, "IMAGE_EDITOR", ("REFINED_ERROR", "HEATMAP"))
