@@ -2,7 +2,6 @@
 """Reference pages match operators and commands; documented lines and the tutorial run."""
 
 import ast
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import bpy
 import pytest
 
-from patchnet.docs import make_commands, make_operators, make_walkthroughs
+from patchnet.docs import make_commands, make_operators
 from patchnet.operators.overlay.panel import PATCHNET_PT_overlay
 from patchnet.tests.blender.drawn import TABS, drawn, settings_drawn
 from patchnet.tests.blender.job_scene import build
@@ -113,13 +112,3 @@ def test_page_of_a_scene_runs() -> None:
     rows = names["table"].rows
     assert rows[0].error < names["table"].unrefined
     assert names["result_of"](names["scene"]) is None
-
-
-def test_pages_of_fly_throughs_have_the_figures_that_were_measured() -> None:
-    """Frames from which on PatchNet is ahead are counted by the rule of Bake Fly-Through."""
-    reports = json.loads(make_walkthroughs.KEPT.read_text())
-    for page in make_walkthroughs.PAGES:
-        text = page.read_text(encoding="utf-8")
-        assert make_walkthroughs.filled(text, reports) == text, page
-    report = reports["demo"] | {"setup_s": {"light": 1000.0}}
-    assert "| 1000.0 |" in make_walkthroughs.filled(text, reports | {"demo": report})

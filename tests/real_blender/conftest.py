@@ -50,11 +50,6 @@ bpy.ops.wm.save_as_mainfile(filepath=PATH)
 """
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Memory comes first: it is measured where no kernel is compiled yet, and the others take those kernels."""
-    items.sort(key=lambda item: item.path.name != "test_memory.py")
-
-
 @pytest.fixture(scope="session")
 def out() -> Path:
     """An empty folder for what the tests leave."""

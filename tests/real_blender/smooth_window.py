@@ -154,6 +154,9 @@ def session() -> clicks.Session:
     clicks.window().scene.objects["Sun"].rotation_euler.z += 0.1
     yield 1.0
     seen["job without viewport"] = yield from job(clicks.area("VIEW_3D"))
+    bpy.ops.patchnet.clear_results()
+    yield 2.0
+    seen["memory_mb"]["freed"] = memory.resident_bytes() >> 20
     Watch.on = False
     yield 0.2
 
