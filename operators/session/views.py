@@ -51,15 +51,16 @@ def shown_pictures() -> dict[str, dict[str, str]]:
 def show_images(view: View, shown: ShownView) -> Steps[dict[str, bpy.types.Image]]:
     """Create or update all images of a view; raw ones are float, Non-Color. Unknown quantities have none, such as a
     missing reference and errors against it."""
-    images, names = {}, (*PICTURES, *RAW)
+    images, names, label = {}, (*PICTURES, *RAW), f"{view.camera.name}: Showing pictures"
     for number, name in enumerate(names):
-        yield Progress(number, len(names), f"{view.camera.name}: Showing pictures")
+        yield Progress(number, len(names), label)
         of, raw = image_name(view.camera.name, name), name in RAW
         picture = (shown.values if raw else view.pictures).get(name)
         if picture is None:
             drop_image(of)
         else:
             images[name] = show_image(of, picture, raw=raw)
+    yield Progress(len(names), len(names), label)  # what follows is a step of its own
     return images
 
 

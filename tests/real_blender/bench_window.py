@@ -3,8 +3,8 @@
 
 Times of a first job, which compiles kernels, and of a second one; memory of Blender's process; the longest gaps
 between two events of a timer, with the labels of the job before and after them, beside those of a window that is drawn
-again and again, of Blender's own render, and of a job in a window that shows no viewport; what our engine takes of a
-frame of the viewport.
+again and again, of Blender's own render and bake, and of a job in a window that shows no viewport; what our engine
+takes of a frame of the viewport.
 """
 
 import json

@@ -105,6 +105,22 @@ def own_render() -> clicks.Session:
     return gaps()
 
 
+def own_bake() -> clicks.Session:
+    """Gaps of Blender's own bake into an image of a plane, beside the same viewport."""
+    with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
+        bpy.ops.mesh.primitive_plane_add(size=8.0)
+        plane = bpy.context.object
+        plane.data.materials.append(bpy.data.materials.new("Own"))
+        nodes = plane.active_material.node_tree.nodes
+        nodes.active = nodes.new("ShaderNodeTexImage")
+        nodes.active.image = bpy.data.images.new("Own", 256, 256)
+        Watch.times.clear()
+        bpy.ops.object.bake("INVOKE_DEFAULT", type="COMBINED")
+    yield from clicks.wait_for(lambda: not bpy.app.is_job_running("OBJECT_BAKE"), "Cycles has baked", 300.0)
+    bpy.data.objects.remove(plane)
+    return gaps()
+
+
 def viewport() -> clicks.Session:
     """Time that our engine takes of a frame of the viewport, in which it refines a view, and then of many views."""
     kind = importlib.import_module(f"{PACKAGE}.operators.render_engine.viewport").Viewport
@@ -150,13 +166,14 @@ def session() -> clicks.Session:
     yield 2.0
     seen["memory_mb"]["after"] = memory.resident_bytes() >> 20
     seen["viewport"] = yield from viewport()
-    seen["render"] = yield from own_render()
-    clicks.window().scene.objects["Sun"].rotation_euler.z += 0.1
-    yield 1.0
-    seen["job without viewport"] = yield from job(clicks.area("VIEW_3D"))
     bpy.ops.patchnet.clear_results()
     yield 2.0
     seen["memory_mb"]["freed"] = memory.resident_bytes() >> 20
+    seen["render"] = yield from own_render()
+    seen["bake"] = yield from own_bake()
+    clicks.window().scene.objects["Sun"].rotation_euler.z += 0.1
+    yield 1.0
+    seen["job without viewport"] = yield from job(clicks.area("VIEW_3D"))
     Watch.on = False
     yield 0.2
 
