@@ -15,9 +15,9 @@ import bpy  # noqa: TID251
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "real_blender"))
 import clicks  # noqa: E402
+import visits  # noqa: E402
+from visits import OUT, in_area  # noqa: E402
 
-OUT = Path(sys.argv[sys.argv.index("--") + 1])
-PACKAGE = "bl_ext.user_default.patchnet"
 SETTINGS = {"size": (192, 192)}
 JOB_S = 900.0  # limit, for a busy machine
 CAMERA = "Middle"
@@ -28,18 +28,6 @@ HELPERS = (
     "show_extras", "show_relationship_lines", "show_outline_selected", "show_bones", "show_motion_paths",
     "show_object_origins",
 )  # fmt: skip
-
-
-def module(name: str):
-    """A module of the installed extension."""
-    return sys.modules[f"{PACKAGE}.operators.{name}"]
-
-
-def in_area(kind: str, operator, *arguments: object, **settings: object):
-    """Call an operator in the largest area of a kind."""
-    pane = clicks.region("WINDOW", kind)
-    with bpy.context.temp_override(window=clicks.window(), area=clicks.area(kind), region=pane):
-        return operator(*arguments, **settings)
 
 
 def box(item) -> tuple[int, int, int, int]:
@@ -87,20 +75,17 @@ def open_scene():
 
 def preview():
     """Estimate, run all stages and compare, with a screenshot during the bake."""
-    preferences = bpy.context.preferences.addons[PACKAGE].preferences
-    if hasattr(preferences, "open_pictures"):
-        preferences.open_pictures = "NEVER"
+    visits.preferences().open_pictures = "NEVER"
     in_area("VIEW_3D", bpy.ops.patchnet.estimate)
-    job = module("jobs.job_operator").JobOperator
     in_area("VIEW_3D", bpy.ops.patchnet.run_all, "INVOKE_DEFAULT")
     yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes", JOB_S)
     yield 2.0
     yield from clicks.screenshot(OUT / "window-progress.png")
-    yield from clicks.wait_for(lambda: not job.running, "the preview is made", JOB_S)
+    yield from clicks.wait_for(lambda: not visits.running(), "the preview is made", JOB_S)
     yield 0.5
     in_area("VIEW_3D", bpy.ops.patchnet.compare, "INVOKE_DEFAULT")
     yield 0.5
-    yield from clicks.wait_for(lambda: not job.running, "strategies are compared", JOB_S)
+    yield from clicks.wait_for(lambda: not visits.running(), "strategies are compared", JOB_S)
     yield from clicks.screenshot(OUT / "window.png")
 
 
@@ -139,8 +124,6 @@ def panels():
 
 def overlay():
     """Heatmap and preview with a wipe, over the camera's view and in an Image Editor."""
-    if not hasattr(bpy.types.WindowManager, "patchnet_overlay"):
-        return
     values = bpy.context.window_manager.patchnet_overlay
     values.show_viewport = True
     values.use_wipe, values.wipe, values.picture, values.other = True, 0.5, "HEATMAP", "REFINED"
@@ -171,16 +154,13 @@ def engine():
     scene = clicks.window().scene
     scene.render.engine = "PATCHNET"
     clicks.area("VIEW_3D").spaces.active.shading.type = "RENDERED"  # starts the world's map
-    session = module("session.scene_session").session_of(scene)
+    session = visits.module("session.scene_session").session_of(scene)
     yield from clicks.wait_for(lambda: session.world is not None, "the world's map", JOB_S)
     clicks.area("VIEW_3D").spaces.active.shading.type = "SOLID"
     bpy.context.preferences.view.render_display_type = "NONE"
-    ended: list[bool] = []
-    note = lambda *_: ended.append(True)  # noqa: E731
-    bpy.app.handlers.render_complete.append(note)
+    ended = visits.ends_of_renders()
     in_area("VIEW_3D", bpy.ops.render.render, "INVOKE_DEFAULT")
     yield from clicks.wait_for(lambda: bool(ended) and not bpy.app.is_job_running("RENDER"), "it is rendered", JOB_S)
-    bpy.app.handlers.render_complete.remove(note)
     yield from image_editor("Render Result", "render-result")
     clicks.area("VIEW_3D").spaces.active.shading.type = "RENDERED"
     yield 45.0
@@ -190,10 +170,10 @@ def engine():
 
 def preferences():
     """The add-on's preferences in their own window."""
-    values = bpy.context.preferences.addons[PACKAGE].preferences
+    values = visits.preferences()
     values.open_pictures = values.bl_rna.properties["open_pictures"].default
     bpy.context.window_manager.addon_search = "PatchNet"
-    bpy.ops.preferences.addon_expand(module=PACKAGE)
+    bpy.ops.preferences.addon_expand(module=visits.PACKAGE)
     bpy.ops.screen.userpref_show(section="ADDONS")
     yield 2.0
     yield from clicks.screenshot(OUT / "preferences.png")

@@ -19,7 +19,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, PACKAGE, Visit, choose, modal, module, preferences, result
+from visits import OUT, PACKAGE, Visit, choose, in_area, modal, module, preferences, result
 
 SIZE = (48, 32)
 SAMPLES = ((0.15, 0.5), (0.3, 0.55), (0.7, 0.5), (0.8, 0.6))  # places in the frame, off legends and titles
@@ -46,13 +46,6 @@ def build() -> None:
     scene.camera = eye
     scene.render.resolution_x, scene.render.resolution_y = 960, 640
     choose(resolution="DEPTH", depth=7, size=SIZE, light="two-lights", reference=True)
-
-
-def in_area(kind: str, operator, *arguments: object, **settings: object):
-    """Call an operator in the largest area of a kind."""
-    pane = clicks.region("WINDOW", kind)
-    with bpy.context.temp_override(window=clicks.window(), area=clicks.area(kind), region=pane):
-        return operator(*arguments, **settings)
 
 
 def shot(name: str):

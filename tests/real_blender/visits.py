@@ -50,8 +50,14 @@ def choose(**values: object) -> None:
 
 def press(name: str) -> None:
     """Call an operator of ours as its button does."""
-    with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
-        getattr(bpy.ops.patchnet, name)("INVOKE_DEFAULT")
+    in_area("VIEW_3D", getattr(bpy.ops.patchnet, name), "INVOKE_DEFAULT")
+
+
+def in_area(kind: str, operator: Callable[..., object], *arguments: object, **settings: object) -> object:
+    """Call an operator in the largest area of a kind."""
+    pane = clicks.region("WINDOW", kind)
+    with bpy.context.temp_override(window=clicks.window(), area=clicks.area(kind), region=pane):
+        return operator(*arguments, **settings)
 
 
 def made(*steps: str) -> None:
